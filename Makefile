@@ -1,0 +1,143 @@
+# Relief: what does accuracy cost in time when you draw large terrain?
+# `make help` lists the targets.  Overrides (CC, CFLAGS, PREFIX ...) may stand in local.mk, which git ignores.
+-include local.mk
+
+config ?= release# release | debug | sanitize
+PREFIX ?= /usr/local
+CC     ?= gcc
+BUILD  := $(if $(filter release,$(config)),build,build/$(config))
+OBJ    := $(BUILD)/obj
+
+# ---- packages (Debian names) ----------------------------------------------------------------------------------
+PACKAGES := gcc libc6-dev make pkg-config git clang-format clang-tidy cppcheck libepoxy-dev libglfw3-dev libosmesa6-dev \
+            libegl-dev libegl-mesa0 libgl1-mesa-dri libglx-mesa0 libcjson-dev libpng-dev libcmocka-dev gnuplot-nox \
+            xvfb xauth libxml2-utils
+LIBRARIES := epoxy glfw3 libcjson libpng
+GDAL      := $(shell pkg-config --exists gdal 2>/dev/null && echo gdal)
+
+# ---- flags ----------------------------------------------------------------------------------------------------
+# Numbers must not depend on the compiler's mood: no contraction, never -ffast-math (numerics.md, section 0).
+OPTIMISE_release  := -O2 -g
+OPTIMISE_debug    := -O0 -g
+OPTIMISE_sanitize := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
+WARNINGS := -Wall -Wextra -Wpedantic -Wshadow -Wvla -Wstrict-prototypes -Wmissing-prototypes -Wdouble-promotion
+FLAGS    := -std=c11 -D_DEFAULT_SOURCE $(OPTIMISE_$(config)) $(WARNINGS) $(if $(werror),-Werror) -ffp-contract=off \
+            -fno-fast-math -pthread -I. $(if $(GDAL),-DRELIEF_GDAL) -DRELIEF_BUILD='"$(OPTIMISE_$(config))"' \
+            -DRELIEF_COMMIT='"$(shell git rev-parse --short HEAD 2>/dev/null || echo unknown)"' \
+            $(shell pkg-config --cflags $(LIBRARIES) $(GDAL) 2>/dev/null) $(CFLAGS)
+LINK     := -pthread $(OPTIMISE_$(config)) $(LDFLAGS)
+LIBS     := $(shell pkg-config --libs $(LIBRARIES) $(GDAL) 2>/dev/null) -ldl -lm
+
+# ---- files ----------------------------------------------------------------------------------------------------
+RENDERERS := clipmap geomipmap pgm
+EMBEDDED  := $(wildcard common/gl/*.glsl common/gl/*.vert common/gl/*.frag $(RENDERERS:%=%/*.vert) bench/*.vert \
+             common/terrain/jacksboro* bench/scenes/default.json)
+MAINS     := $(wildcard common/terrain/main.c bench/main.c $(RENDERERS:%=%/main.c))
+sources    = $(filter-out $(MAINS),$(wildcard $(1)))
+objects    = $(patsubst %.c,$(OBJ)/%.o,$(1))
+COMMON    := $(call objects,$(call sources,common/*.c common/*/*.c)) $(OBJ)/embedded.o
+METHODS   := $(call objects,$(call sources,$(RENDERERS:%=%/*.c)))
+BENCH     := $(call objects,$(call sources,bench/*.c))
+PROGRAMS  := $(patsubst %/main.c,%,$(MAINS:common/%=%))
+TESTS     := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/unit/test_*.c tests/gpu/test_*.c tests/hard/test_*.c))
+HEADERS   := $(wildcard common/*.h common/*/*.h $(RENDERERS:%=%/*.h) bench/*.h tests/*.h)
+ALL_C     := $(wildcard common/*.c common/*/*.c $(RENDERERS:%=%/*.c) bench/*.c tests/*/*.c) $(HEADERS)
+
+all: $(PROGRAMS:%=$(BUILD)/%) ## the programs: bench, clipmap, geomipmap, pgm, terrain
+
+$(OBJ)/%.o: %.c Makefile
+	@mkdir -p $(@D)
+	$(CC) $(FLAGS) -MMD -MP -c $< -o $@
+
+# One table of the files that the programs carry (common/embedded.h).
+$(OBJ)/embedded.S: $(EMBEDDED) Makefile
+	@mkdir -p $(@D)
+	@{ n=0; printf '.section .rodata\n'; for f in $(EMBEDDED); do \
+	   printf 'name%d: .asciz "%s"\ndata%d: .incbin "%s"\nend%d: .byte 0\n' $$n $$f $$n $$f $$n; n=$$((n+1)); done; \
+	   printf '.section .data.rel.ro,"aw"\n.balign 8\n.globl embedded_files\nembedded_files:\n'; n=0; \
+	   for f in $(EMBEDDED); do printf '.quad name%d, data%d, end%d\n' $$n $$n $$n; n=$$((n+1)); done; \
+	   printf '.section .rodata\n.balign 8\n.globl embedded_file_count\nembedded_file_count: .quad %d\n' $$n; \
+	   printf '.section .note.GNU-stack,"",%%progbits\n'; } > $@
+$(OBJ)/embedded.o: $(OBJ)/embedded.S
+	$(CC) -c $< -o $@
+
+$(OBJ)/libcommon.a: $(COMMON)
+$(OBJ)/libmethods.a: $(METHODS)
+$(OBJ)/libbench.a: $(BENCH)
+$(OBJ)/lib%.a:
+	@rm -f $@
+	ar rcs $@ $^
+
+$(BUILD)/terrain: $(OBJ)/common/terrain/main.o $(OBJ)/libcommon.a
+	$(CC) $(LINK) $^ $(LIBS) -o $@
+$(BUILD)/bench: $(OBJ)/bench/main.o $(OBJ)/libbench.a $(OBJ)/libmethods.a $(OBJ)/libcommon.a
+	$(CC) $(LINK) $^ $(LIBS) -o $@
+$(RENDERERS:%=$(BUILD)/%): $(BUILD)/%: $(OBJ)/%/main.o $(OBJ)/libmethods.a $(OBJ)/libcommon.a
+	$(CC) $(LINK) $^ $(LIBS) -o $@
+
+$(BUILD)/tests/%: $(OBJ)/tests/%.o $(OBJ)/libbench.a $(OBJ)/libmethods.a $(OBJ)/libcommon.a
+	@mkdir -p $(@D)
+	$(CC) $(LINK) $^ $(shell pkg-config --libs cmocka) $(LIBS) -o $@
+
+-include $(shell find $(OBJ) -name '*.d' 2>/dev/null)
+.SECONDARY:
+
+deps: ## install the Debian packages that building, testing and reporting need (asks first when not root)
+	@missing=$$(for p in $(PACKAGES); do dpkg -s $$p 2>/dev/null | grep -q '^Status: install ok' || echo $$p; done); \
+	 if [ -z "$$missing" ]; then echo "deps: everything is installed"; \
+	 elif [ "$$(id -u)" = 0 ]; then apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends $$missing; \
+	 else echo "deps: these packages are missing:" $$missing; sudo apt-get update && sudo apt-get install --no-install-recommends $$missing; fi
+
+# `make deps bench` on a new machine: pkg-config did not know the libraries when this file was read, so the work
+# is done by a make that starts after deps.
+bench: | $(filter deps,$(MAKECMDGOALS)) ## the main job: fly the default scene through every renderer, leave reports/default/index.html
+	$(MAKE) --no-print-directory $(BUILD)/bench
+	$(BUILD)/bench run --out reports/default
+
+test: | $(filter deps,$(MAKECMDGOALS)) ## every test at its everyday size
+	$(MAKE) --no-print-directory run-tests
+
+soak: | $(filter deps,$(MAKECMDGOALS)) ## the same properties at their full stated sizes (an hour or so)
+	RELIEF_SOAK=1 $(MAKE) --no-print-directory run-tests
+
+run-tests: all $(TESTS)
+	tests/run $(BUILD) $(TESTS)
+
+check: format-check layers headers lint ## before each commit: format, layers, headers, lint, tests under sanitizers
+	$(MAKE) --no-print-directory config=sanitize run-tests
+
+format: ## lay the sources out
+	clang-format -i $(ALL_C)
+format-check:
+	clang-format --dry-run -Werror $(ALL_C)
+
+lint: ## cppcheck over the sources
+	cppcheck --quiet --std=c11 --enable=warning,performance,portability --inline-suppr --error-exitcode=1 \
+	  --suppress=missingIncludeSystem -I. common clipmap geomipmap pgm bench
+
+layers: ## common/ knows no renderer; renderers know neither each other nor bench/
+	@! grep -nE '#include "(clipmap|geomipmap|pgm|bench|tests)/' common/*.[ch] common/*/*.[ch]
+	@for d in $(RENDERERS); do ! grep -nE '#include "' $$d/*.[ch] | grep -vE '"(common|'$$d')/' || exit 1; done
+	@! grep -nE '#include "tests/' bench/*.[ch]
+	@! grep -nE '^#include .*(epoxy|GL/)' common/terrain/*.[ch] common/view/*.[ch] common/scene/*.[ch]
+	@! grep -rnE -e '-f''fast-math' --include='*.mk' --include=Makefile . | grep -v 'never\|fno-fast-math\|grep'
+	@echo "layers: good"
+
+headers: ## each header compiles by itself
+	@for h in $(HEADERS); do echo "#include \"$$h\"" | $(CC) $(FLAGS) -Wno-unused -fsyntax-only -x c - || exit 1; done
+	@echo "headers: good"
+
+report: $(BUILD)/bench ## rebuild reports/default/index.html from its results.json
+	$(BUILD)/bench report reports/default
+
+install: all ## programs to $(PREFIX)/bin
+	install -d $(DESTDIR)$(PREFIX)/bin
+	for p in $(PROGRAMS); do install -m 755 $(BUILD)/$$p $(DESTDIR)$(PREFIX)/bin/relief-$$p; done
+
+clean: ## remove what was built
+	rm -rf build
+
+help: ## this list
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+
+.PHONY: all deps bench test soak run-tests check format format-check lint layers headers report install clean help

@@ -1,0 +1,37 @@
+// What each pixel really sees: a double-precision ray caster over the extrema pyramid of the finest level
+// (gl-rooflines: hierarchical DDA, exact piecewise-linear hits, diagonal (i,j)-(i+1,j+1)).
+// No GL.  Same result for any number of threads.
+// SPDX-License-Identifier: MIT
+#ifndef BENCH_TRUTH_H
+#define BENCH_TRUTH_H
+
+#include "common/terrain/terrain.h"
+#include "common/view/view.h"
+
+struct truth_pixel {
+    double relative[3]; // hit, relative to the eye, metres; meaningful when depth > 0
+    double depth;       // along forward; 0: sky
+    float slope[2];     // dz/dx, dz/dy of the triangle hit, metres per metre
+};
+
+struct truth {
+    int width, height;
+    struct truth_pixel *pixels; // row 0 is the bottom row
+    uint64_t ground;            // pixels that see terrain
+};
+
+// How the caster reads the surface: cells of one height field.  The plane implements it over terrain_samples; a sphere will over
+// meridians and cones.
+struct truth_surface;
+struct truth_surface *truth_surface_create(const struct terrain *terrain); // NULL after one line on stderr
+void truth_surface_destroy(struct truth_surface *surface);
+
+bool truth_init(struct truth *truth, int width, int height);
+void truth_finish(struct truth *truth);
+void truth_cast(struct truth *truth, const struct truth_surface *surface, const struct view *view, int threads);
+
+// One ray from the eye; direction need not be unit.  False: sky.  *t: the hit is at eye + t * direction.
+bool truth_cast_ray(const struct truth_surface *surface, const double eye_m[3], const double direction[3], double *t,
+                    float slope[2]);
+
+#endif

@@ -1,0 +1,20 @@
+// Shared by every vertex and fragment program: the frame's uniforms and the exact way from grid to camera-relative metres.
+layout(std140) uniform frame {
+    mat4 clip_from_relative; // reversed depth: z = near, w = depth
+    vec4 outline;            // exact outline of the map relative to the eye: x_min, y_min, x_max, y_max
+    vec4 height;             // x: eye height in quanta, integer part; y: its fraction; z: metres per quantum; w: eye z, metres
+    vec4 shade;              // x: lowest height of the map, metres; y: 1 / (highest - lowest); z, w: unused
+};
+
+// Height in quanta (an integer, or a blend of integers) to metres relative to the eye.
+float relative_height(float quanta)
+{
+    return ((quanta - height.x) - height.y) * height.z;
+}
+
+// Grid index relative to floor(eye / g), the eye's fraction of a cell, the spacing: metres relative to the
+// eye.  One rounding of the difference and one of the product, so shared vertices agree bitwise (numerics.md, B2).
+vec2 relative_place(vec2 cell, vec2 fraction, vec2 spacing)
+{
+    return (cell - fraction) * spacing;
+}

@@ -1,0 +1,55 @@
+// A scene: which terrain, which path, which view, and the effects it calls for; nothing else is simulated.
+// A scene is JSON with strict keys:
+//
+//   { "name": "puget",
+//     "terrain": "puget_1k_160m.png"                      a file; sought beside the scene, in data/, in $RELIEF_DATA
+//              | { "file": "x.png" | "builtin": "jacksboro",
+//                  "synthesize_levels": 3, "seed": 1, "filter": "halfband|tent|decimate" },
+//     "path":  "auto"                                     made to suit the terrain
+//            | { "keys": [ { "x": m, "y": m, "height": m, "above_ground": true, "yaw": deg, "pitch": deg, "roll": deg } ],
+//                "clearance": m, "frames": 96 }
+//            | { "poses": "file.txt", "every": 5, "pitch": -12 }     rows of u v z yaw (see scene.c)
+//            | { "auto": true, "frames": 96 },
+//     "view":  { "width": 640, "height": 480, "fov_vertical": 60, "near": m (optional) },
+//     "effects": { "shading": "common" } }
+//
+// "name" and "terrain" are required; a missing "path" is "auto", a missing "view" 640 x 480 at 60 degrees.
+// SPDX-License-Identifier: MIT
+#ifndef COMMON_SCENE_SCENE_H
+#define COMMON_SCENE_SCENE_H
+
+#include "common/terrain/terrain.h"
+#include "common/view/path.h"
+
+#include <stdbool.h>
+
+enum scene_shading { SCENE_SHADING_COMMON };
+
+struct scene_effects {
+    enum scene_shading shading;
+};
+
+struct scene {
+    char name[64];
+    char sha256[65];         // of the scene's text
+    char terrain_name[256];  // file name or builtin, for reports
+    struct terrain *terrain; // owned
+    struct path *path;       // owned
+    int width, height;       // pixels
+    double fov_vertical;     // radians
+    double near_m;           // 0: by height over ground
+    struct scene_effects effects;
+};
+
+// Loads scene_file (NULL: the default scene that the program carries).  terrain_file (may be NULL) replaces the scene's terrain,
+// and a path is made to suit it.  width and height > 0 replace the scene's.  NULL after one line on stderr.
+struct scene *scene_load(const char *scene_file, const char *terrain_file, int width, int height);
+void scene_destroy(struct scene *scene); // accepts NULL
+
+// View of frame `frame` of `frames`.
+void scene_view(const struct scene *scene, int frame, int frames, struct view *view);
+
+// SHA-256 of a block of memory as 64 hexadecimal digits.
+void sha256_hex(const void *data, size_t size, char hex[65]);
+
+#endif

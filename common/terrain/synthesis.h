@@ -1,0 +1,13 @@
+// Detail finer than the stored terrain (Losasso & Hoppe 2004, section 8): U of the coarser level plus Gaussian
+// noise whose variance is that of the residuals of real levels.  A value depends on the absolute (i, j, level) and
+// the seed alone (numerics.md, B13), so any window at any time gives the same sample.
+// SPDX-License-Identifier: MIT
+#ifndef COMMON_TERRAIN_SYNTHESIS_H
+#define COMMON_TERRAIN_SYNTHESIS_H
+
+#include <stdint.h>
+
+// Standard normal deviate at absolute sample (i, j) of `level`; a hash, so it does not repeat.
+double synthesis_normal(int64_t i, int64_t j, int level, uint64_t seed);
+
+#endif

@@ -1,0 +1,24 @@
+// The filters between levels, in integers: U (4-point interpolatory, Kobbelt 1996) and D.
+// Losasso & Hoppe 2004, sections 5 and 7; the integer forms are those of numerics.md, section 5.
+// SPDX-License-Identifier: MIT
+#ifndef COMMON_TERRAIN_UPSAMPLE_H
+#define COMMON_TERRAIN_UPSAMPLE_H
+
+#include "common/terrain/terrain.h"
+
+#include <stdint.h>
+
+// Predicts the window (x0, y0, width, height) of the finer level from `coarse`, a window of the coarser level that starts at
+// (floor(x0/2) - 1, floor(y0/2) - 1) and holds upsample_coarse_size(x0, width) x upsample_coarse_size(y0, height) samples.
+int upsample_coarse_size(int64_t x0, int size);
+void upsample(const int32_t *coarse, int64_t x0, int64_t y0, int width, int height, int32_t *fine);
+
+// One coarser level of a whole grid.  `first` and `coarse_first` are indices of the south-west samples; ghosts
+// beyond the border are extrapolated linearly (numerics.md, E3).  The caller gives room for
+// downsample_size(first, size) per axis.
+int64_t downsample_first(int64_t first);                 // floor(first / 2)
+int64_t downsample_size(int64_t first, int64_t size);    // covers the map, rounded outward
+void downsample(const int32_t *fine, const int64_t first[2], const int64_t size[2], enum terrain_filter filter,
+                int32_t *coarse);
+
+#endif
