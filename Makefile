@@ -35,7 +35,7 @@ EMBEDDED  := $(wildcard common/gl/*.glsl common/gl/*.vert common/gl/*.frag $(REN
 MAINS     := $(wildcard common/terrain/main.c bench/main.c $(RENDERERS:%=%/main.c))
 sources    = $(filter-out $(MAINS),$(wildcard $(1)))
 objects    = $(patsubst %.c,$(OBJ)/%.o,$(1))
-COMMON    := $(call objects,$(call sources,common/*.c common/*/*.c)) $(OBJ)/embedded.o
+COMMON    := $(call objects,$(call sources,common/*.c common/*/*.c)) $(OBJ)/embedded.o $(OBJ)/epoxy_table.o
 METHODS   := $(call objects,$(call sources,$(RENDERERS:%=%/*.c)))
 BENCH     := $(call objects,$(call sources,bench/*.c))
 PROGRAMS  := $(patsubst %/main.c,%,$(MAINS:common/%=%))
@@ -60,6 +60,16 @@ $(OBJ)/embedded.S: $(EMBEDDED) Makefile
 	   printf '.section .note.GNU-stack,"",%%progbits\n'; } > $@
 $(OBJ)/embedded.o: $(OBJ)/embedded.S
 	$(CC) -c $< -o $@
+
+# One table of libepoxy's function pointers (common/gl/epoxy_table.h), read off its header.
+$(OBJ)/epoxy_table.c: Makefile
+	@mkdir -p $(@D)
+	@{ printf '#include "common/gl/epoxy_table.h"\n#include <epoxy/gl.h>\nconst struct epoxy_entry epoxy_table[] = {\n'; \
+	   echo '#include <epoxy/gl.h>' | $(CC) $(FLAGS) -E -dM - | sort | \
+	   sed -nE 's/^#define (gl[A-Z][A-Za-z0-9]*) epoxy_\1$$/{"\1", (void *)\&epoxy_\1},/p'; \
+	   printf '};\nconst size_t epoxy_table_count = sizeof epoxy_table / sizeof *epoxy_table;\n'; } > $@
+$(OBJ)/epoxy_table.o: $(OBJ)/epoxy_table.c common/gl/epoxy_table.h
+	$(CC) $(FLAGS) -c $< -o $@
 
 $(OBJ)/libcommon.a: $(COMMON)
 $(OBJ)/libmethods.a: $(METHODS)

@@ -1,0 +1,9 @@
+// The end of every vertex program: the renderer's position, kept for capture and measuring, and its place on the screen.
+invariant gl_Position;
+out vec3 v_relative;
+
+void main()
+{
+    v_relative = relative_position();
+    gl_Position = clip_from_relative * vec4(v_relative, 1.0);
+}

@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: MIT
+#include "common/embedded.h"
+#include "common/gl/context.h"
+#include "common/report.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { MAX_PIECES = 8 };
+
+// A shader in pieces.  Piece numbers are the source numbers of #line, so that a message can be traced to its
+// file.
+struct source {
+    const char *names[MAX_PIECES];
+    const GLchar *texts[2 * MAX_PIECES];
+    GLint lengths[2 * MAX_PIECES];
+    int pieces;
+};
+
+static const char *const line_directives[MAX_PIECES] = {"#version 330 core\n#line 1 0\n",
+                                                        "\n#line 1 1\n",
+                                                        "\n#line 1 2\n",
+                                                        "\n#line 1 3\n",
+                                                        "\n#line 1 4\n",
+                                                        "\n#line 1 5\n",
+                                                        "\n#line 1 6\n",
+                                                        "\n#line 1 7\n"};
+
+static void add_text(struct source *source, const char *name, const char *text, size_t length)
+{
+    int i = source->pieces++;
+    source->names[i] = name;
+    source->texts[2 * i] = line_directives[i];
+    source->lengths[2 * i] = (GLint)strlen(line_directives[i]);
+    source->texts[2 * i + 1] = text;
+    source->lengths[2 * i + 1] = (GLint)length;
+}
+
+static bool add_file(struct source *source, const char *path)
+{
+    const struct embedded_file *file = embedded_find(path);
+    if (!file) return fail("%s: the program does not carry this shader file", path);
+    add_text(source, path, (const char *)file->data, (size_t)(file->end - file->data));
+    return true;
+}
+
+// Drivers write "2:14(5): error: ..." (Mesa), "2(14) : error ..." (NVIDIA) or "ERROR: 2:14: ..." (others).
+static void report_log(const struct source *source, const char *log)
+{
+    const char *line = strstr(log, "error");
+    if (!line) line = strstr(log, "ERROR");
+    if (!line) line = log;
+    while (line > log && line[-1] != '\n') line--;
+    int length = (int)strcspn(line, "\n"), piece, number, used = 0;
+    const char *place = strncmp(line, "ERROR: ", 7) == 0 ? line + 7 : line;
+    bool placed = sscanf(place, "%d:%d%n", &piece, &number, &used) == 2 ||
+                  sscanf(place, "%d(%d%n", &piece, &number, &used) == 2;
+    if (placed && piece >= 0 && piece < source->pieces)
+        fail("%s:%d: %.*s", source->names[piece], number, length, line);
+    else
+        fail("%s: %.*s", source->names[source->pieces - 1], length, line);
+}
+
+static GLuint compile(GLenum stage, const struct source *source)
+{
+    GLuint shader = glCreateShader(stage);
+    glShaderSource(shader, 2 * source->pieces, source->texts, source->lengths);
+    glCompileShader(shader);
+    GLint good;
+    glGetShaderiv(shader, GL_COMPILE_STATUS, &good);
+    if (good) return shader;
+    char log[4096] = "";
+    glGetShaderInfoLog(shader, sizeof log, NULL, log);
+    report_log(source, log);
+    glDeleteShader(shader);
+    return 0;
+}
+
+static const char *pass_define(enum render_pass pass)
+{
+    static const char *const defines[PASS_COUNT] = {"#define PASS_SHADED\n", "#define PASS_POSITION\n",
+                                                    "#define PASS_DEPTH\n"};
+    return defines[pass];
+}
+
+static GLuint compile_vertex(const char *vertex_file, const char *defines, enum render_pass pass)
+{
+    struct source source = {.pieces = 0};
+    if (!defines) defines = "";
+    add_text(&source, "(defines)", defines, strlen(defines));
+    add_text(&source, "(pass)", pass_define(pass), strlen(pass_define(pass)));
+    if (!add_file(&source, "common/gl/frame.glsl") || !add_file(&source, vertex_file) ||
+        !add_file(&source, "common/gl/main.vert"))
+        return 0;
+    return compile(GL_VERTEX_SHADER, &source);
+}
+
+static GLuint compile_fragment(enum render_pass pass)
+{
+    struct source source = {.pieces = 0};
+    add_text(&source, "(pass)", pass_define(pass), strlen(pass_define(pass)));
+    if (!add_file(&source, "common/gl/frame.glsl") || !add_file(&source, "common/gl/outline.glsl") ||
+        !add_file(&source, "common/gl/terrain.frag"))
+        return 0;
+    return compile(GL_FRAGMENT_SHADER, &source);
+}
+
+static bool link_program(GLuint name, GLuint vertex, GLuint fragment, const char *vertex_file)
+{
+    static const char *const captured = "v_relative";
+    glAttachShader(name, vertex);
+    glAttachShader(name, fragment);
+    glTransformFeedbackVaryings(name, 1, &captured, GL_INTERLEAVED_ATTRIBS);
+    glLinkProgram(name);
+    glDetachShader(name, vertex);
+    glDetachShader(name, fragment);
+    GLint good;
+    glGetProgramiv(name, GL_LINK_STATUS, &good);
+    if (!good) {
+        char log[1024] = "";
+        glGetProgramInfoLog(name, sizeof log, NULL, log);
+        return fail("%s: does not link: %.*s", vertex_file, (int)strcspn(log, "\n"), log);
+    }
+    glUniformBlockBinding(name, glGetUniformBlockIndex(name, "frame"), GPU_FRAME_BINDING);
+    return true;
+}
+
+bool gpu_program_build(struct gpu *gpu, struct gpu_program *program, const char *vertex_file,
+                       const char *defines, const struct scene_effects *effects, enum render_pass pass)
+{
+    (void)gpu, (void)effects; // SCENE_SHADING_COMMON is the only shading so far
+    *program = (struct gpu_program){.pass = pass};
+    GLuint vertex = compile_vertex(vertex_file, defines, pass);
+    GLuint fragment = vertex ? compile_fragment(pass) : 0;
+    if (vertex && fragment) {
+        program->name = glCreateProgram();
+        if (!link_program(program->name, vertex, fragment, vertex_file)) gpu_program_finish(program);
+    }
+    glDeleteShader(vertex);
+    glDeleteShader(fragment);
+    return program->name != 0;
+}
+
+void gpu_program_finish(struct gpu_program *program)
+{
+    if (program->name) glDeleteProgram(program->name);
+    program->name = 0;
+}
+
+void gpu_use_program(struct gpu *gpu, const struct gpu_program *program)
+{
+    if (gpu->capture.session) {
+        if (gpu->program == program->name) return;
+        gpu_capture_flush(gpu); // the program may not change inside a session
+    }
+    glUseProgram(program->name);
+    gpu->program = program->name;
+}
+
+void gpu_set_frame(struct gpu *gpu, const struct gpu_frame *frame)
+{
+    glBindBuffer(GL_UNIFORM_BUFFER, gpu->frame_buffer);
+    glBufferSubData(GL_UNIFORM_BUFFER, 0, sizeof *frame, frame);
+    glBindBufferBase(GL_UNIFORM_BUFFER, GPU_FRAME_BINDING, gpu->frame_buffer);
+}
+
+// Without glClipControl the hardware maps z from [-w, w]: 2 z - w comes out as the same depth, near 1, far 0.
+static void to_symmetric_depth(float clip[16])
+{
+    for (int column = 0; column < 4; column++)
+        clip[4 * column + 2] = 2 * clip[4 * column + 2] - clip[4 * column + 3];
+}
+
+// An edge of the map relative to the eye, in cells first, as vertices are placed: where the edge is a line of
+// samples, the edge and the vertices on it come out bitwise equal (numerics.md, B2).
+static float relative_edge(const struct terrain_info *info, const struct view *view, int edge)
+{
+    int axis = edge & 1;
+    double spacing = info->spacing_m[axis], line = info->outline_m[edge] / spacing;
+    if (fabs(line - rint(line)) > 1e-6) return (float)(info->outline_m[edge] - view->eye_m[axis]);
+    struct view_origin eye = view_level_origin(view, 0);
+    double cells = (rint(line) - (double)eye.base[axis]) - (double)eye.fraction[axis];
+    return (float)cells * (float)spacing;
+}
+
+void gpu_set_view(struct gpu *gpu, const struct terrain *terrain, const struct view *view)
+{
+    const struct terrain_info *info = terrain_info(terrain);
+    struct gpu_frame frame;
+    memcpy(frame.clip_from_relative, view->clip_from_relative, sizeof frame.clip_from_relative);
+    if (!gpu->info.clip_control) to_symmetric_depth(frame.clip_from_relative);
+    for (int i = 0; i < 4; i++) frame.outline[i] = relative_edge(info, view, i);
+    const double unit = 1.0 / (1 << VIEW_HEIGHT_BITS);
+    double eye_q = (double)view->eye_height * unit;
+    float whole = (float)(view->eye_height >> VIEW_HEIGHT_BITS);
+    frame.height[0] = whole;
+    frame.height[1] = (float)(eye_q - (double)whole);
+    frame.height[2] = (float)info->quantum_m;
+    frame.height[3] = (float)view->eye_m[2];
+    frame.shade[0] = (float)(info->offset_m + info->quantum_m * info->min_q);
+    frame.shade[1] =
+        info->max_q > info->min_q ? (float)(1 / (info->quantum_m * ((double)info->max_q - info->min_q))) : 0;
+    frame.shade[2] = frame.shade[3] = 0;
+    gpu_set_frame(gpu, &frame);
+}
