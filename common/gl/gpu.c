@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const char *const backend_words[] = {"auto", "glfw", "egl", "osmesa"};
+static const char *const backend_words[] = {"auto", "glfw", "egl", "osmesa", "auto"};
 
 bool gpu_backend_parse(const char *text, enum gpu_backend *backend)
 {
@@ -23,8 +23,7 @@ bool gpu_backend_parse(const char *text, enum gpu_backend *backend)
 static void GLAPIENTRY count_error(GLenum source, GLenum type, GLuint id, GLenum severity, GLsizei length,
                                    const GLchar *message, const void *user)
 {
-    (void)source, (void)id, (void)severity, (void)length;
-    if (type != GL_DEBUG_TYPE_ERROR) return;
+    (void)source, (void)type, (void)id, (void)severity, (void)length;
     struct gpu *gpu = (struct gpu *)user;
     if (gpu->debug_errors++ < 10) note("OpenGL: %s", message);
 }
@@ -36,7 +35,8 @@ static void listen_to_errors(struct gpu *gpu)
     glEnable(GL_DEBUG_OUTPUT);
     glEnable(GL_DEBUG_OUTPUT_SYNCHRONOUS);
     glDebugMessageControl(GL_DONT_CARE, GL_DONT_CARE, GL_DONT_CARE, 0, NULL, GL_FALSE);
-    glDebugMessageControl(GL_DONT_CARE, GL_DEBUG_TYPE_ERROR, GL_DONT_CARE, 0, NULL, GL_TRUE);
+    // Errors of calls only: what the shader compiler says is reported, with file and line, where it is asked.
+    glDebugMessageControl(GL_DEBUG_SOURCE_API, GL_DEBUG_TYPE_ERROR, GL_DONT_CARE, 0, NULL, GL_TRUE);
     glDebugMessageCallback(count_error, gpu);
 }
 
@@ -96,9 +96,10 @@ static int list_ways(enum gpu_backend backend, const struct context_type *ways[3
 {
     int count = 0;
     bool display = getenv("DISPLAY") || getenv("WAYLAND_DISPLAY");
+    bool any = backend == GPU_AUTO || backend == GPU_OFFSCREEN;
     if (backend == GPU_GLFW || (backend == GPU_AUTO && display)) ways[count++] = &context_glfw;
-    if (backend == GPU_EGL || backend == GPU_AUTO) ways[count++] = &context_egl;
-    if (backend == GPU_OSMESA || backend == GPU_AUTO) ways[count++] = &context_osmesa;
+    if (backend == GPU_EGL || any) ways[count++] = &context_egl;
+    if (backend == GPU_OSMESA || any) ways[count++] = &context_osmesa;
     return count;
 }
 

@@ -18,7 +18,13 @@
 // ---- contexts
 // ---------------------------------------------------------------------------------------------------
 
-enum gpu_backend { GPU_AUTO, GPU_GLFW, GPU_EGL, GPU_OSMESA };
+enum gpu_backend {
+    GPU_AUTO, // a window where there is a display, else as GPU_OFFSCREEN
+    GPU_GLFW,
+    GPU_EGL,      // a hardware device, else surfaceless, else a software device
+    GPU_OSMESA,   // opened at run time
+    GPU_OFFSCREEN // EGL, else OSMesa: never a window; no word of its own
+};
 bool gpu_backend_parse(const char *text, enum gpu_backend *backend); // false: unknown word
 
 struct gpu_info {

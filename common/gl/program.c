@@ -48,18 +48,19 @@ static bool add_file(struct source *source, const char *path)
 // Drivers write "2:14(5): error: ..." (Mesa), "2(14) : error ..." (NVIDIA) or "ERROR: 2:14: ..." (others).
 static void report_log(const struct source *source, const char *log)
 {
-    const char *line = strstr(log, "error");
-    if (!line) line = strstr(log, "ERROR");
-    if (!line) line = log;
+    const char *error = strstr(log, "error");
+    if (!error) error = strstr(log, "ERROR");
+    if (!error) error = log;
+    const char *line = error;
     while (line > log && line[-1] != '\n') line--;
-    int length = (int)strcspn(line, "\n"), piece, number, used = 0;
+    int length = (int)strcspn(error, "\n"), piece, number;
     const char *place = strncmp(line, "ERROR: ", 7) == 0 ? line + 7 : line;
-    bool placed = sscanf(place, "%d:%d%n", &piece, &number, &used) == 2 ||
-                  sscanf(place, "%d(%d%n", &piece, &number, &used) == 2;
+    bool placed =
+        sscanf(place, "%d:%d", &piece, &number) == 2 || sscanf(place, "%d(%d", &piece, &number) == 2;
     if (placed && piece >= 0 && piece < source->pieces)
-        fail("%s:%d: %.*s", source->names[piece], number, length, line);
+        fail("%s:%d: %.*s", source->names[piece], number, length, error);
     else
-        fail("%s: %.*s", source->names[source->pieces - 1], length, line);
+        fail("%s: %.*s", source->names[source->pieces - 1], length, error);
 }
 
 static GLuint compile(GLenum stage, const struct source *source)
