@@ -15,8 +15,8 @@ uint64_t random_next(struct random_state *random);
 uint64_t random_below(struct random_state *random, uint64_t bound); // unbiased
 void random_shuffle(struct random_state *random, int *items, int count);
 
-// Nearest-rank percentile with integers: element (per_mille * N + 999) / 1000 of the sorted values, counted from 1.
-// Sorts values in place.
+// Nearest-rank percentile with integers: element (per_mille * N + 999) / 1000 of the sorted values, counted
+// from 1. Sorts values in place.
 double percentile(double *values, size_t count, int per_mille);
 
 struct time_summary { // results.json: frame_ms{...}
@@ -24,8 +24,8 @@ struct time_summary { // results.json: frame_ms{...}
     double ci95[2];
     bool has_ci; // false with fewer than 3 repeats
 };
-// times[repeat * frames + frame], milliseconds: per-frame minimum over repeats, then percentiles over frames, with a bootstrap over
-// blocks of repeats for the median's interval.
+// times[repeat * frames + frame], milliseconds: per-frame minimum over repeats, then percentiles over frames,
+// with a bootstrap over blocks of repeats for the median's interval.
 struct time_summary summarize_times(const double *times, int repeats, int frames, uint64_t seed);
 
 // Per-frame minimum over repeats into out[frames].
@@ -34,7 +34,8 @@ void minimum_over_repeats(const double *times, int repeats, int frames, double *
 // Spearman's rank correlation with average ranks for ties; NAN with fewer than 3 pairs.
 double rank_correlation(const double *x, const double *y, int count);
 
-// y at x by log-log interpolation between the two neighbouring points of a curve (xs, ys > 0, any order); NAN outside.
+// y at x by log-log interpolation between the two neighbouring points of a curve (xs, ys > 0, any order); NAN
+// outside.
 double curve_at(const double *xs, const double *ys, int count, double x);
 
 #endif

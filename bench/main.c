@@ -1,0 +1,35 @@
+// The bench program: measures, and rebuilds reports.
+// SPDX-License-Identifier: MIT
+#include "bench/report.h"
+#include "bench/run.h"
+#include "common/cli.h"
+#include "common/report.h"
+
+#include <stdio.h>
+#include <string.h>
+
+static const char usage[] =
+    "usage: bench COMMAND [options]\n"
+    "  run [options]   fly one path through every renderer; leave results.json and the report\n"
+    "  report DIR      rebuild the report from DIR/results.json, no GL needed\n"
+    "  --help, --version; `bench run --help` lists the options of run\n";
+
+static int report_main(int argc, char **argv)
+{
+    if (argc != 3) return fail("report: the folder of a results.json is expected"), EXIT_COMMAND_LINE;
+    if (!report_write(argv[2])) return EXIT_WORLD;
+    printf("report: %s/index.html\n", argv[2]);
+    return EXIT_GOOD;
+}
+
+int main(int argc, char **argv)
+{
+    const char *command = argc > 1 ? argv[1] : "";
+    if (strcmp(command, "run") == 0) return run_main(argc, argv);
+    if (strcmp(command, "report") == 0) return report_main(argc, argv);
+    if (strcmp(command, "--help") == 0) return fputs(usage, stdout), EXIT_GOOD;
+    if (strcmp(command, "--version") == 0)
+        return printf("relief bench %s (%s)\n", RELIEF_VERSION, RELIEF_COMMIT), EXIT_GOOD;
+    fail("'%s' is not a command; accepted are run, report, --help and --version", command);
+    return EXIT_COMMAND_LINE;
+}
