@@ -15,7 +15,9 @@ struct context_type {
     bool (*open)(struct gpu *gpu, int width, int height, const char *title, char reason[CONTEXT_REASON]);
     void (*close)(struct gpu *gpu);
 };
-extern const struct context_type context_egl, context_osmesa, context_glfw;
+extern const struct context_type context_egl; // a hardware device, else surfaceless, else a software device
+extern const struct context_type context_egl_device; // a device, hardware or software
+extern const struct context_type context_osmesa, context_glfw;
 
 // The uniform block `frame` of frame.glsl, std140.
 struct gpu_frame {
@@ -56,8 +58,16 @@ struct gpu {
     struct GLFWwindow *window;
 };
 
+// gpu_create with the ways to try given, in order; `word` is what --backend was given.
+struct gpu *gpu_create_by(const struct context_type *const *ways, int count, const char *word, int width,
+                          int height, const char *title, int threads);
+
 // Uploads a frame block as it is and makes it current (gpu_set_view fills one from a view).
 void gpu_set_frame(struct gpu *gpu, const struct gpu_frame *frame);
+
+// Without glClipControl the hardware maps z from [-w, w]: turns z into 2 z - w, which comes out as the same
+// depth, near 1, far 0, though with fewer good digits.
+void gpu_frame_without_clip_control(struct gpu_frame *frame);
 
 // Capture of one draw: gpu_capture_reserve before it says how many triangles it may write, so that the
 // session has room. gpu_capture_flush hands over what was gathered.  Both do nothing without an open capture.

@@ -63,22 +63,42 @@ static bool open_surfaceless(struct gpu *gpu)
                         "egl-surfaceless");
 }
 
-static bool open_egl(struct gpu *gpu, int width, int height, const char *title, char reason[CONTEXT_REASON])
+static bool open_any(struct gpu *gpu)
 {
-    (void)width, (void)height, (void)title;
+    return open_devices(gpu, false) || open_surfaceless(gpu) || open_devices(gpu, true);
+}
+
+static bool open_any_device(struct gpu *gpu)
+{
+    return open_devices(gpu, false) || open_devices(gpu, true);
+}
+
+static bool open_library(struct gpu *gpu, bool (*open)(struct gpu *gpu), char reason[CONTEXT_REASON])
+{
     void *library = dlopen("libEGL.so.1", RTLD_LAZY | RTLD_LOCAL); // epoxy aborts where it is missing
     if (!library) {
         snprintf(reason, CONTEXT_REASON, "libEGL.so.1 is not installed");
         return false;
     }
     gpu->library = library;
-    if (epoxy_has_egl_extension(EGL_NO_DISPLAY, "EGL_EXT_platform_base") &&
-        (open_devices(gpu, false) || open_surfaceless(gpu) || open_devices(gpu, true)))
-        return true;
+    if (epoxy_has_egl_extension(EGL_NO_DISPLAY, "EGL_EXT_platform_base") && open(gpu)) return true;
     snprintf(reason, CONTEXT_REASON, "no device and no surfaceless display gives a core context");
     dlclose(library);
     gpu->library = NULL;
     return false;
+}
+
+static bool open_egl(struct gpu *gpu, int width, int height, const char *title, char reason[CONTEXT_REASON])
+{
+    (void)width, (void)height, (void)title;
+    return open_library(gpu, open_any, reason);
+}
+
+static bool open_egl_device(struct gpu *gpu, int width, int height, const char *title,
+                            char reason[CONTEXT_REASON])
+{
+    (void)width, (void)height, (void)title;
+    return open_library(gpu, open_any_device, reason);
 }
 
 static void close_egl(struct gpu *gpu)
@@ -91,3 +111,4 @@ static void close_egl(struct gpu *gpu)
 }
 
 const struct context_type context_egl = {"egl", open_egl, close_egl};
+const struct context_type context_egl_device = {"egl", open_egl_device, close_egl};

@@ -115,7 +115,8 @@ static void prepare_process(int threads)
     setenv("LP_NUM_THREADS", text, 1);
 }
 
-struct gpu *gpu_create(enum gpu_backend backend, int width, int height, const char *title, int threads)
+struct gpu *gpu_create_by(const struct context_type *const *ways, int count, const char *word, int width,
+                          int height, const char *title, int threads)
 {
     prepare_process(threads);
     struct gpu *gpu = calloc(1, sizeof *gpu);
@@ -123,8 +124,6 @@ struct gpu *gpu_create(enum gpu_backend backend, int width, int height, const ch
         fail("out of memory");
         return NULL;
     }
-    const struct context_type *ways[3];
-    int count = list_ways(backend, ways);
     char reasons[3 * (CONTEXT_REASON + 16)] = "";
     for (int i = 0; i < count; i++) {
         char reason[CONTEXT_REASON] = "unknown reason";
@@ -133,8 +132,15 @@ struct gpu *gpu_create(enum gpu_backend backend, int width, int height, const ch
         snprintf(reasons + used, sizeof reasons - used, "%s%s: %s", i ? "; " : "", ways[i]->name, reason);
     }
     free(gpu);
-    fail("--backend %s: no usable OpenGL (3.3 core or newer is needed): %s", backend_words[backend], reasons);
+    fail("--backend %s: no usable OpenGL, 3.3 core or newer is needed (%s)", word, reasons);
     return NULL;
+}
+
+struct gpu *gpu_create(enum gpu_backend backend, int width, int height, const char *title, int threads)
+{
+    const struct context_type *ways[3];
+    int count = list_ways(backend, ways);
+    return gpu_create_by(ways, count, backend_words[backend], width, height, title, threads);
 }
 
 void gpu_destroy(struct gpu *gpu)

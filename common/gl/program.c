@@ -166,9 +166,9 @@ void gpu_set_frame(struct gpu *gpu, const struct gpu_frame *frame)
     glBindBufferBase(GL_UNIFORM_BUFFER, GPU_FRAME_BINDING, gpu->frame_buffer);
 }
 
-// Without glClipControl the hardware maps z from [-w, w]: 2 z - w comes out as the same depth, near 1, far 0.
-static void to_symmetric_depth(float clip[16])
+void gpu_frame_without_clip_control(struct gpu_frame *frame)
 {
+    float *clip = frame->clip_from_relative;
     for (int column = 0; column < 4; column++)
         clip[4 * column + 2] = 2 * clip[4 * column + 2] - clip[4 * column + 3];
 }
@@ -190,7 +190,7 @@ void gpu_set_view(struct gpu *gpu, const struct terrain *terrain, const struct v
     const struct terrain_info *info = terrain_info(terrain);
     struct gpu_frame frame;
     memcpy(frame.clip_from_relative, view->clip_from_relative, sizeof frame.clip_from_relative);
-    if (!gpu->info.clip_control) to_symmetric_depth(frame.clip_from_relative);
+    if (!gpu->info.clip_control) gpu_frame_without_clip_control(&frame);
     for (int i = 0; i < 4; i++) frame.outline[i] = relative_edge(info, view, i);
     const double unit = 1.0 / (1 << VIEW_HEIGHT_BITS);
     double eye_q = (double)view->eye_height * unit;
