@@ -4,11 +4,11 @@
 // synthesised detail, levels 1, 2, ... are filtered.  Sample (i, j) of level l lies at
 //     x = i * spacing_x * 2^l,   y = j * spacing_y * 2^l        (i east, j north)
 // so sample (i, j) of level l+1 stands on sample (2i, 2j) of level l, at every level and for any integers.
-// Heights are integers, "quanta":  height_m = quantum_m * q + offset_m,  |q| < 2^22, so that float32 holds every
-// height, and every mean of four, exactly.
+// Heights are integers, "quanta":  height_m = quantum_m * q + offset_m,  |q| < 2^22, so that float32 holds
+// every height, and every mean of four, exactly.
 //
-// The surface of a level is piecewise linear: each cell is split along its diagonal (i, j)-(i+1, j+1).  The truth
-// that errors are measured against is the surface of the finest level.
+// The surface of a level is piecewise linear: each cell is split along its diagonal (i, j)-(i+1, j+1).  The
+// truth that errors are measured against is the surface of the finest level.
 //
 // The pyramid follows Losasso & Hoppe 2004, sections 5, 7 and 8: T_{l+1} = D(T_l); finer levels are
 // U(T) + noise, with U the 4-point interpolatory scheme in integers, one rounding (numerics.md, section 5).
@@ -39,22 +39,23 @@ struct terrain_extent { // samples of one level: x0 <= i < x1, y0 <= j < y1
 struct terrain_info {
     char name[64];
     enum terrain_datum datum;
-    double radius_m;               // sphere only
-    double spacing_m[2];           // of level 0; x and y need not be equal
-    bool wraps_x;                  // sphere: column x1 is column x0 again
-    double quantum_m, offset_m;    // height_m = quantum_m * q + offset_m
-    int finest, coarsest;          // level numbers, finest <= 0 <= coarsest
-    double outline_m[4];           // exact outline of the map: x_min, y_min, x_max, y_max
-    int32_t min_q, max_q;          // of the finest level, voids filled
-    uint64_t voids_filled;         // samples of the source that were void
-    uint64_t samples;              // of the finest level
+    double radius_m;            // sphere only
+    double spacing_m[2];        // of level 0; x and y need not be equal
+    bool wraps_x;               // sphere: column x1 is column x0 again
+    double quantum_m, offset_m; // height_m = quantum_m * q + offset_m
+    int finest, coarsest;       // level numbers, finest <= 0 <= coarsest
+    double outline_m[4];        // exact outline of the map: x_min, y_min, x_max, y_max
+    int32_t min_q, max_q;       // of the finest level, voids filled
+    uint64_t voids_filled;      // samples of the source that were void
+    uint64_t samples;           // of the finest level
 };
 
 struct terrain_level {
     struct terrain_extent extent; // covers the map, rounded outward
     double spacing_m[2];
     int32_t min_q, max_q;
-    double rms_error_m, max_error_m; // PL(this level) - PL(finest level) at the finest samples; 0 at the finest
+    double rms_error_m,
+        max_error_m; // PL(this level) - PL(finest level) at the finest samples; 0 at the finest
 };
 
 // What to make of a source.  A zeroed struct gives the defaults.
@@ -66,15 +67,17 @@ struct terrain_options {
     int min_size;          // levels are added until neither side has more samples than this; 0: 8
 };
 
-// Reads any elevation file: 16-bit PNG with a JSON sidecar, SRTM .hgt, raw 16-bit or float with a sidecar, and what GDAL reads when
-// built with it.  NULL after one line on stderr.
+// Reads any elevation file: 16-bit PNG with a JSON sidecar, SRTM .hgt, raw 16-bit or float with a sidecar,
+// and what GDAL reads when built with it.  NULL after one line on stderr.
 struct terrain *terrain_load(const char *path, const struct terrain_options *options);
 
-// The grid that the program carries: Jacksboro fault, 403 x 344 samples, U.S. Geological Survey, public domain.
+// The grid that the program carries: Jacksboro fault, 403 x 344 samples, U.S. Geological Survey, public
+// domain.
 struct terrain *terrain_builtin(const struct terrain_options *options);
 
-// Builds from samples in memory: row 0 is the SOUTH row, values in quanta; INT32_MIN is a void.  `first` is the
-// index of the sample in the south-west corner (any int64: tests put terrain 1e10 samples from the origin).  Copies the samples.
+// Builds from samples in memory: row 0 is the SOUTH row, values in quanta; INT32_MIN is a void.  `first` is
+// the index of the sample in the south-west corner (any int64: tests put terrain 1e10 samples from the
+// origin).  Copies the samples.
 struct terrain_grid {
     const char *name;
     const int32_t *samples;
@@ -89,14 +92,14 @@ void terrain_destroy(struct terrain *terrain); // accepts NULL
 const struct terrain_info *terrain_info(const struct terrain *terrain);
 struct terrain_level terrain_level(const struct terrain *terrain, int level);
 
-// Copies a window of `width` x `height` samples of `level`, south-west corner (x0, y0), row by row northwards.
-// Samples outside the level's extent repeat the nearest sample inside it.  TERRAIN_TRY may return
+// Copies a window of `width` x `height` samples of `level`, south-west corner (x0, y0), row by row
+// northwards. Samples outside the level's extent repeat the nearest sample inside it.  TERRAIN_TRY may return
 // false: not here yet, now requested; TERRAIN_WAIT always returns true.  Thread-safe.
 bool terrain_window(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int width, int height,
                     int32_t *out, enum terrain_wait wait);
 
-// Lowest and highest sample of the window's rectangle (both ends included, clamped to the extent); conservative:
-// never tighter than the samples, at most one node of the extrema pyramid looser on each side.
+// Lowest and highest sample of the window's rectangle (both ends included, clamped to the extent);
+// conservative: never tighter than the samples, at most one node of the extrema pyramid looser on each side.
 void terrain_bounds(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int64_t x1, int64_t y1,
                     int32_t *min_q, int32_t *max_q);
 
@@ -104,22 +107,25 @@ void terrain_bounds(const struct terrain *terrain, int level, int64_t x0, int64_
 const int32_t *terrain_samples(const struct terrain *terrain, int level, size_t *stride);
 
 // Extrema pyramid over the cells of the finest level: node (i, j) of height k covers the cells
-// 2^k i <= x < 2^k (i+1) (counted from the extent's south-west corner) and bounds their four corners' heights.
+// 2^k i <= x < 2^k (i+1) (counted from the extent's south-west corner) and bounds their four corners'
+// heights.
 struct terrain_extrema {
-    int heights;                       // number of node levels; the last has one node
+    int heights; // number of node levels; the last has one node
     struct terrain_extrema_nodes {
         int64_t width, height;
-        const int32_t *min_q, *max_q;  // row by row, row 0 south
+        const int32_t *min_q, *max_q; // row by row, row 0 south
     } nodes[40];
 };
 const struct terrain_extrema *terrain_extrema(const struct terrain *terrain);
 
 // Height in quanta of the truth (finest level, piecewise linear, double) at a place in metres.
-// False outside the outline.  `slope` (may be NULL) receives dz/dx and dz/dy of the triangle, in quanta per metre.
-bool terrain_truth_at(const struct terrain *terrain, double x_m, double y_m, double *height_q, double slope[2]);
+// False outside the outline.  `slope` (may be NULL) receives dz/dx and dz/dy of the triangle, in quanta per
+// metre.
+bool terrain_truth_at(const struct terrain *terrain, double x_m, double y_m, double *height_q,
+                      double slope[2]);
 
-// Place <-> world.  On the plane (x, y, height) is the world position; on a sphere x is longitude and y latitude.
-// Everything that measures goes through these three, so that a sphere is not a rewrite.
+// Place <-> world.  On the plane (x, y, height) is the world position; on a sphere x is longitude and y
+// latitude. Everything that measures goes through these three, so that a sphere is not a rewrite.
 void terrain_world_from_place(const struct terrain *terrain, const double place[3], double world_m[3]);
 void terrain_place_from_world(const struct terrain *terrain, const double world_m[3], double place[3]);
 void terrain_up(const struct terrain *terrain, const double world_m[3], double up[3]);

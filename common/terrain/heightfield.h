@@ -1,0 +1,54 @@
+// Elevation files of any kind, read into one form: integer heights, row 0 south, voids marked.
+//
+// Read by the end of the name:
+//   .png   16-bit grey, with a sidecar NAME.json; without one: 30 m between samples, a metre a step, and a
+//   note .hgt   SRTM: a square of big-endian int16, -32768 void; N47W122 in the name gives the latitude, so
+//   the spacing in x .raw .bin .r16 .f32 ...   headerless, with a sidecar NAME.json that gives width, height
+//   and dtype any other, when built with GDAL: what GDAL reads
+//
+// Sidecar (JSON; unknown keys are ignored):  height_m = sample * height_scale + height_offset
+//   spacing_m       metres between samples, a number or [x, y]; required
+//   width, height   samples; must agree with the file; required for raw files
+//   dtype           "uint16" (default), "int16", "float32" (raw only)
+//   endian          raw only: "little" (default) or "big"
+//   height_scale, height_offset   default 1 and 0
+//   nodata          a sample value that means void, or null
+// Voids: nodata, NaN, infinities, and -32768 and -9999 where samples have a sign.  (numerics.md, E1 and E2)
+// SPDX-License-Identifier: MIT
+#ifndef COMMON_TERRAIN_HEIGHTFIELD_H
+#define COMMON_TERRAIN_HEIGHTFIELD_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#define HEIGHTFIELD_VOID INT32_MIN
+
+struct heightfield {
+    char name[64]; // of the file, without folder and ending
+    int64_t width, height;
+    int32_t *samples; // owned; quanta, row 0 south, HEIGHTFIELD_VOID where void
+    double spacing_m[2], quantum_m, offset_m;
+    size_t side_bytes; // of the sidecar
+};
+
+// False after one line on stderr; the heightfield is then empty.
+bool heightfield_load(struct heightfield *field, const char *path);
+
+// A PNG and its sidecar in memory; `path` names them in messages.
+bool heightfield_load_memory(struct heightfield *field, const char *path, const void *png, size_t png_size,
+                             const char *sidecar, size_t sidecar_size);
+
+// Takes heights in metres, row 0 south, NaN where void, and chooses a quantum (a power of two) and an offset
+// (whole metres, or the height itself when all are equal) so that |q| <= 2^20.  Sets samples, quantum_m and
+// offset_m.
+bool heightfield_quantise(struct heightfield *field, const double *height_m);
+
+// Writes OUT.png (16-bit grey) and OUT.json; voids are written as a declared nodata.  Both are whole or
+// absent.  Heights that span more than 65,535 quanta are rounded to a coarser step, with a note.  `origin`
+// goes into the sidecar's "source".
+bool heightfield_save(const struct heightfield *field, const char *path, const char *origin);
+
+void heightfield_finish(struct heightfield *field); // accepts a zeroed struct
+
+#endif

@@ -1,0 +1,345 @@
+// SPDX-License-Identifier: MIT
+#include "common/terrain/pyramid.h"
+
+#include "common/parallel.h"
+#include "common/terrain/extrema.h"
+#include "common/terrain/synthesis.h"
+#include "common/terrain/upsample.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { ROWS_A_BLOCK = 64, DEFAULT_MIN_SIZE = 8, SMALLEST_MIN_SIZE = 3 };
+
+static struct pyramid_level *at(struct pyramid *pyramid, int level)
+{
+    return &pyramid->all[level + PYRAMID_MAX_FINER];
+}
+
+static int blocks_of(int64_t rows)
+{
+    return (int)((rows + ROWS_A_BLOCK - 1) / ROWS_A_BLOCK);
+}
+
+static bool allocate(struct pyramid_level *level)
+{
+    level->samples =
+        malloc((size_t)pyramid_width(level) * (size_t)pyramid_height(level) * sizeof *level->samples);
+    return level->samples != NULL;
+}
+
+// ---- coarser levels
+// ---------------------------------------------------------------------------------------------
+
+static bool add_coarser(struct pyramid *pyramid, const struct terrain_options *options)
+{
+    int min_size = options->min_size > 0 ? options->min_size : DEFAULT_MIN_SIZE;
+    // Rounding outward keeps up to three samples at three for ever.
+    if (min_size < SMALLEST_MIN_SIZE) min_size = SMALLEST_MIN_SIZE;
+    for (; pyramid->coarsest < PYRAMID_MAX_COARSER; pyramid->coarsest++) {
+        const struct pyramid_level *fine = pyramid_level(pyramid, pyramid->coarsest);
+        int64_t size[2] = {pyramid_width(fine), pyramid_height(fine)};
+        if (size[0] <= min_size && size[1] <= min_size) return true;
+        int64_t first[2] = {fine->extent.x0, fine->extent.y0}, coarse_first[2], coarse_size[2];
+        for (int axis = 0; axis < 2; axis++) {
+            coarse_first[axis] = downsample_first(first[axis]);
+            coarse_size[axis] = downsample_size(first[axis], size[axis]);
+        }
+        struct pyramid_level *coarse = at(pyramid, pyramid->coarsest + 1);
+        coarse->extent =
+            (struct terrain_extent){coarse_first[0], coarse_first[1], coarse_first[0] + coarse_size[0],
+                                    coarse_first[1] + coarse_size[1]};
+        if (!allocate(coarse)) return false;
+        downsample(fine->samples, first, size, options->filter, coarse->samples);
+    }
+    return true;
+}
+
+// ---- prediction: U over windows whose samples beyond the border are extrapolated linearly
+// ---------------------------
+
+static int32_t limit(int64_t q)
+{
+    return q > QUANTA_LIMIT ? QUANTA_LIMIT : q < -QUANTA_LIMIT ? -QUANTA_LIMIT : (int32_t)q;
+}
+
+// Value beyond the end of a line of `size` values, `stride` apart.
+static int64_t extrapolate(const int32_t *line, int64_t stride, int64_t size, int64_t index)
+{
+    int64_t last = size - 1, nearest = index < 0 ? 0 : last, inner = index < 0 ? 1 : last - 1;
+    int64_t edge = line[nearest * stride];
+    if (size < 2) return edge;
+    return edge + llabs(index - nearest) * (edge - line[inner * stride]);
+}
+
+// Row y of a level, columns x0 .. x0 + count - 1, both counted from the extent's corner, extrapolated where
+// outside.
+static void extended_row(const struct pyramid_level *level, int64_t y, int64_t x0, int64_t count,
+                         int32_t *out)
+{
+    int64_t width = pyramid_width(level), height = pyramid_height(level);
+    for (int64_t i = 0; i < count; i++) {
+        int64_t x = x0 + i, nearest_x = x < 0 ? 0 : x >= width ? width - 1 : x;
+        if (y < 0 || y >= height)
+            out[i] = limit(extrapolate(level->samples + nearest_x, width, height, y));
+        else
+            out[i] = level->samples[y * width + nearest_x];
+    }
+    int64_t inside_from = x0 < 0 ? -x0 : 0, inside_to = width - x0 < count ? width - x0 : count;
+    for (int64_t i = 0; i < inside_from; i++)
+        out[i] = limit(extrapolate(out + inside_from, 1, inside_to - inside_from, i - inside_from));
+    for (int64_t i = inside_to; i < count; i++)
+        out[i] = limit(extrapolate(out + inside_from, 1, inside_to - inside_from, i - inside_from));
+}
+
+// U of the level: `height` rows of the finer level's extent from row y0 (an absolute index of the finer
+// level).
+static void predict_rows(const struct pyramid_level *coarse, const struct terrain_extent *fine, int64_t y0,
+                         int height, int32_t *out)
+{
+    int width = (int)(fine->x1 - fine->x0);
+    int columns = upsample_coarse_size(fine->x0, width), rows = upsample_coarse_size(y0, height);
+    int32_t *window = malloc((size_t)columns * (size_t)rows * sizeof *window);
+    if (!window) abort();
+    int64_t x = (fine->x0 >> 1) - 1 - coarse->extent.x0, y = (y0 >> 1) - 1 - coarse->extent.y0;
+    for (int row = 0; row < rows; row++)
+        extended_row(coarse, y + row, x, columns, window + (size_t)row * (size_t)columns);
+    upsample(window, fine->x0, y0, width, height, out);
+    free(window);
+}
+
+// ---- finer levels
+// -----------------------------------------------------------------------------------------------
+
+struct synthesis {
+    const struct pyramid_level *coarse;
+    struct pyramid_level *fine;
+    int level;
+    uint64_t seed;
+};
+
+static void synthesise_rows(int block, void *user)
+{
+    const struct synthesis *s = user;
+    int64_t width = pyramid_width(s->fine), y = s->fine->extent.y0 + (int64_t)block * ROWS_A_BLOCK;
+    int64_t rows = s->fine->extent.y1 - y < ROWS_A_BLOCK ? s->fine->extent.y1 - y : ROWS_A_BLOCK;
+    int32_t *out = s->fine->samples + (int64_t)block * ROWS_A_BLOCK * width;
+    predict_rows(s->coarse, &s->fine->extent, y, (int)rows, out);
+    for (int64_t j = 0; j < rows; j++) {
+        int32_t *row = out + j * width;
+        if (s->fine->sigma_q > 0)
+            synthesis_add_row(row, width, s->fine->extent.x0, y + j, s->level, s->seed, s->fine->sigma_q);
+        for (int64_t i = 0; i < width; i++) row[i] = limit(row[i]);
+    }
+}
+
+struct residual {
+    const struct pyramid_level *coarse, *fine;
+    int64_t margin;  // samples next to the border are left out: there U and D only extrapolate
+    double *squares; // a sum for each block
+};
+
+static void measure_residual(int block, void *user)
+{
+    const struct residual *r = user;
+    const struct terrain_extent *e = &r->fine->extent;
+    int64_t width = pyramid_width(r->fine), y = e->y0 + (int64_t)block * ROWS_A_BLOCK;
+    int64_t rows = e->y1 - y < ROWS_A_BLOCK ? e->y1 - y : ROWS_A_BLOCK;
+    int32_t *predicted = malloc((size_t)(width * rows) * sizeof *predicted);
+    if (!predicted) abort();
+    predict_rows(r->coarse, e, y, (int)rows, predicted);
+    double sum = 0;
+    for (int64_t j = 0; j < rows; j++) {
+        if (y + j < e->y0 + r->margin || y + j >= e->y1 - r->margin) continue;
+        const int32_t *row = r->fine->samples + (y + j - e->y0) * width;
+        for (int64_t i = r->margin; i < width - r->margin; i++) {
+            double d = row[i] - predicted[j * width + i];
+            sum += d * d;
+        }
+    }
+    r->squares[block] = sum;
+    free(predicted);
+}
+
+// Root mean square, in quanta, of T_level - U(T_level+1) away from the border.
+static double residual_rms(const struct pyramid *pyramid, int level)
+{
+    enum { MARGIN = 4 };
+    const struct pyramid_level *fine = pyramid_level(pyramid, level);
+    struct residual r = {pyramid_level(pyramid, level + 1), fine, MARGIN, NULL};
+    int blocks = blocks_of(pyramid_height(fine));
+    r.squares = calloc((size_t)blocks, sizeof *r.squares);
+    if (!r.squares) abort();
+    parallel_blocks(blocks, 0, measure_residual, &r);
+    double sum = 0;
+    for (int i = 0; i < blocks; i++) sum += r.squares[i];
+    free(r.squares);
+    double count = (double)(pyramid_width(fine) - 2 * MARGIN) * (double)(pyramid_height(fine) - 2 * MARGIN);
+    return sqrt(sum / count);
+}
+
+// Noise of the finer levels: the residuals of the stored levels are measured, and their spread continued as
+// the power of the spacing that fits them best (least squares over the logarithms).  Terrain too small to
+// measure gets none.
+static void choose_sigmas(struct pyramid *pyramid)
+{
+    enum { MOST = 5, SMALLEST = 24 };
+    double log_sigma[MOST];
+    int count = 0;
+    for (int l = 0; l < pyramid->coarsest && count < MOST; l++) {
+        const struct pyramid_level *level = pyramid_level(pyramid, l);
+        if (pyramid_width(level) < SMALLEST || pyramid_height(level) < SMALLEST) break;
+        double rms = residual_rms(pyramid, l);
+        if (rms <= 0) break;
+        log_sigma[count++] = log2(rms);
+    }
+    if (count == 0) return;
+    double mean_l = (count - 1) / 2.0, mean = 0, up = 0, down = 0;
+    for (int l = 0; l < count; l++) mean += log_sigma[l] / count;
+    for (int l = 0; l < count; l++) {
+        up += (l - mean_l) * (log_sigma[l] - mean);
+        down += (l - mean_l) * (l - mean_l);
+    }
+    // One level tells no slope: take that of a surface of bounded slope.  Detail never grows as it gets
+    // finer.
+    double slope = count > 1 ? up / down : 1;
+    if (slope < 0) slope = 0;
+    for (int l = -1; l >= pyramid->finest; l--) at(pyramid, l)->sigma_q = exp2(mean + slope * (l - mean_l));
+}
+
+static bool add_finer(struct pyramid *pyramid, const struct terrain_options *options)
+{
+    pyramid->finest = -options->synthesize_levels;
+    if (pyramid->finest == 0) return true;
+    choose_sigmas(pyramid);
+    for (int l = -1; l >= pyramid->finest; l--) {
+        const struct pyramid_level *coarse = pyramid_level(pyramid, l + 1);
+        struct pyramid_level *fine = at(pyramid, l);
+        const struct terrain_extent *e = &coarse->extent;
+        fine->extent = (struct terrain_extent){2 * e->x0, 2 * e->y0, 2 * e->x1 - 1, 2 * e->y1 - 1};
+        if (!allocate(fine)) return false;
+        struct synthesis s = {coarse, fine, l, options->seed};
+        parallel_blocks(blocks_of(pyramid_height(fine)), 0, synthesise_rows, &s);
+    }
+    return true;
+}
+
+// ---- what each level differs from the finest
+// --------------------------------------------------------------------
+
+struct comparison {
+    const struct pyramid *pyramid;
+    struct level_error {
+        double squares, max;
+    } * errors; // [block][level - finest]
+};
+
+// Compares the samples of one row of the finest level with the piecewise-linear surface of a coarser one.
+// Everything but the sum of squares is exact: heights are integers over 2^shift.
+static void compare_row(const struct pyramid_level *finest, const struct pyramid_level *level, int shift,
+                        int64_t y, struct level_error *error)
+{
+    int64_t cell = (int64_t)1 << shift, width = pyramid_width(level);
+    int64_t v = y & (cell - 1), row = (y >> shift) - level->extent.y0;
+    const int32_t *south = level->samples + row * width, *north = v ? south + width : south;
+    const int32_t *truth = finest->samples + (y - finest->extent.y0) * pyramid_width(finest);
+    double scale = ldexp(1, -shift), sum = 0, max = error->max;
+    for (int64_t x = finest->extent.x0; x < finest->extent.x1;) {
+        int64_t i = (x >> shift) - level->extent.x0, x_cell = (x >> shift) << shift;
+        int64_t end = x_cell + cell < finest->extent.x1 ? x_cell + cell : finest->extent.x1;
+        bool last = i + 1 >= width; // then x is on the last column itself
+        double sw = south[i], se = last ? sw : south[i + 1], nw = north[i], ne = last ? nw : north[i + 1];
+        double fraction = (double)v * scale;
+        for (; x < end; x++) { // north-west of the diagonal u < v, then south-east of it
+            double u = (double)(x - x_cell) * scale;
+            double height = x - x_cell < v ? sw + fraction * (nw - sw) + u * (ne - nw)
+                                           : sw + u * (se - sw) + fraction * (ne - se);
+            double d = fabs(height - truth[x - finest->extent.x0]);
+            sum += d * d;
+            max = d > max ? d : max;
+        }
+    }
+    error->squares += sum;
+    error->max = max;
+}
+
+static void compare_rows(int block, void *user)
+{
+    const struct comparison *c = user;
+    const struct pyramid_level *finest = pyramid_level(c->pyramid, c->pyramid->finest);
+    int levels = c->pyramid->coarsest - c->pyramid->finest + 1;
+    struct level_error *errors = c->errors + (ptrdiff_t)block * levels;
+    int64_t y0 = finest->extent.y0 + (int64_t)block * ROWS_A_BLOCK;
+    int64_t y1 = y0 + ROWS_A_BLOCK < finest->extent.y1 ? y0 + ROWS_A_BLOCK : finest->extent.y1;
+    for (int shift = 1; shift < levels; shift++)
+        for (int64_t y = y0; y < y1; y++)
+            compare_row(finest, pyramid_level(c->pyramid, c->pyramid->finest + shift), shift, y,
+                        &errors[shift]);
+}
+
+static bool measure_errors(struct pyramid *pyramid)
+{
+    const struct pyramid_level *finest = pyramid_level(pyramid, pyramid->finest);
+    int levels = pyramid->coarsest - pyramid->finest + 1, blocks = blocks_of(pyramid_height(finest));
+    struct comparison c = {pyramid, calloc((size_t)blocks * (size_t)levels, sizeof *c.errors)};
+    if (!c.errors) return false;
+    parallel_blocks(blocks, 0, compare_rows, &c);
+    double count = (double)pyramid_width(finest) * (double)pyramid_height(finest);
+    for (int k = 0; k < levels; k++) {
+        struct pyramid_level *level = at(pyramid, pyramid->finest + k);
+        double squares = 0;
+        for (int block = 0; block < blocks; block++) {
+            const struct level_error *e = &c.errors[(ptrdiff_t)block * levels + k];
+            squares += e->squares;
+            level->max_error_q = e->max > level->max_error_q ? e->max : level->max_error_q;
+        }
+        level->rms_error_q = sqrt(squares / count);
+    }
+    free(c.errors);
+    return true;
+}
+
+static bool measure_extrema(struct pyramid *pyramid)
+{
+    for (int l = pyramid->finest; l <= pyramid->coarsest; l++) {
+        struct pyramid_level *level = at(pyramid, l);
+        if (!extrema_init(&level->extrema, level->samples, pyramid_width(level), pyramid_height(level),
+                          l == pyramid->finest ? 0 : 3))
+            return false;
+        const struct terrain_extrema_nodes *root = &level->extrema.nodes[level->extrema.heights - 1];
+        level->min_q = root->min_q[0];
+        level->max_q = root->max_q[0];
+    }
+    return true;
+}
+
+bool pyramid_init(struct pyramid *pyramid, int32_t *samples, const struct terrain_extent *extent,
+                  const struct terrain_options *options)
+{
+    pyramid->finest = pyramid->coarsest = 0;
+    at(pyramid, 0)->extent = *extent;
+    at(pyramid, 0)->samples = samples;
+    return add_coarser(pyramid, options) && add_finer(pyramid, options) && measure_errors(pyramid) &&
+           measure_extrema(pyramid);
+}
+
+void pyramid_finish(struct pyramid *pyramid)
+{
+    for (size_t i = 0; i < sizeof pyramid->all / sizeof *pyramid->all; i++) {
+        free(pyramid->all[i].samples);
+        extrema_finish(&pyramid->all[i].extrema);
+    }
+    memset(pyramid, 0, sizeof *pyramid);
+}
+
+size_t pyramid_bytes(const struct pyramid *pyramid)
+{
+    size_t bytes = 0;
+    for (int l = pyramid->finest; l <= pyramid->coarsest; l++) {
+        const struct pyramid_level *level = pyramid_level(pyramid, l);
+        bytes += (size_t)(pyramid_width(level) * pyramid_height(level)) * sizeof *level->samples;
+        bytes += extrema_bytes(&level->extrema);
+    }
+    return bytes;
+}

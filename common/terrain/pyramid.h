@@ -1,0 +1,50 @@
+// The levels of a terrain in memory: filtered coarser ones, synthesised finer ones, and what each differs
+// from the finest. Losasso & Hoppe 2004, sections 5, 7 and 8. SPDX-License-Identifier: MIT
+#ifndef COMMON_TERRAIN_PYRAMID_H
+#define COMMON_TERRAIN_PYRAMID_H
+
+#include "common/terrain/terrain.h"
+
+#include <stdbool.h>
+
+enum { PYRAMID_MAX_FINER = 8, PYRAMID_MAX_COARSER = 48 };
+
+struct pyramid_level {
+    struct terrain_extent extent;
+    int32_t *samples; // row 0 south, extent.x1 - extent.x0 samples a row
+    int32_t min_q, max_q;
+    double rms_error_q, max_error_q;
+    double sigma_q; // of the noise; 0 for levels that are not synthesised
+    struct terrain_extrema
+        extrema; // the finest level: over single cells; the others: over 8 x 8 cells and up
+};
+
+struct pyramid {
+    int finest, coarsest;
+    struct pyramid_level all[PYRAMID_MAX_FINER + 1 + PYRAMID_MAX_COARSER]; // use pyramid_level()
+};
+
+// Takes ownership of level 0's samples (from malloc), also when it fails (false: memory ran out).
+// options->min_size and synthesize_levels as in terrain.h.  The pyramid starts zeroed; finish it whatever was
+// returned.
+bool pyramid_init(struct pyramid *pyramid, int32_t *samples, const struct terrain_extent *extent,
+                  const struct terrain_options *options);
+void pyramid_finish(struct pyramid *pyramid);
+
+static inline const struct pyramid_level *pyramid_level(const struct pyramid *pyramid, int level)
+{
+    return &pyramid->all[level + PYRAMID_MAX_FINER];
+}
+
+static inline int64_t pyramid_width(const struct pyramid_level *level)
+{
+    return level->extent.x1 - level->extent.x0;
+}
+static inline int64_t pyramid_height(const struct pyramid_level *level)
+{
+    return level->extent.y1 - level->extent.y0;
+}
+
+size_t pyramid_bytes(const struct pyramid *pyramid);
+
+#endif

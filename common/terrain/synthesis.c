@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: MIT
+#include "common/terrain/synthesis.h"
+
+static inline uint64_t mix(uint64_t z) // the finaliser of splitmix64
+{
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+    return z ^ (z >> 31);
+}
+
+static inline uint64_t row_key(int64_t j, int level, uint64_t seed)
+{
+    uint64_t key = mix(seed + 0x9e3779b97f4a7c15u * ((uint64_t)(int64_t)level + 0x100u));
+    return mix(key ^ (uint64_t)j * 0xd6e8feb86659fd93u);
+}
+
+static inline int population(uint64_t x)
+{
+    x -= (x >> 1) & 0x5555555555555555u;
+    x = (x & 0x3333333333333333u) + ((x >> 2) & 0x3333333333333333u);
+    x = (x + (x >> 4)) & 0x0f0f0f0f0f0f0f0fu;
+    return (int)((x * 0x0101010101010101u) >> 56);
+}
+
+// 64 coin tosses (variance 16) plus two uniforms (1/12 each) that close the steps between whole counts.
+static inline double normal(uint64_t key, int64_t i)
+{
+    uint64_t tosses = mix(key ^ (uint64_t)i * 0xa0761d6478bd642fu);
+    uint64_t steps = mix(tosses + 0x9e3779b97f4a7c15u);
+    double sum = population(tosses) - 33 +
+                 (double)((int64_t)(steps >> 32) + (int64_t)(steps & 0xffffffffu) + 1) * 0x1p-32;
+    return sum * 0.24870800168690346; // 1 / sqrt(16 + 1/6)
+}
+
+double synthesis_normal(int64_t i, int64_t j, int level, uint64_t seed)
+{
+    return normal(row_key(j, level, seed), i);
+}
+
+void synthesis_add_row(int32_t *samples, int64_t count, int64_t i0, int64_t j, int level, uint64_t seed,
+                       double sigma_q)
+{
+    uint64_t key = row_key(j, level, seed);
+    for (int64_t i = 0; i < count; i++)
+        samples[i] += (int32_t)(sigma_q * normal(key, i0 + i) + (0x1p26 + 0.5)) - (1 << 26); // floor(x + 0.5)
+}
