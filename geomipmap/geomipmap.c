@@ -1,0 +1,399 @@
+// SPDX-License-Identifier: MIT
+#include "geomipmap/geomipmap.h"
+
+#include "common/report.h"
+#include "geomipmap/geomipmap_cache.h"
+#include "geomipmap/geomipmap_select.h"
+
+#include <limits.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+enum { KNOB_TAU, KNOB_PATCH, KNOB_METRIC, KNOB_DELTA, KNOB_CULL, KNOB_CACHE };
+
+static const struct renderer_knob knobs[] = {
+    {"tau", "screen-space error allowed, px: more is faster", 1, 0, 1e6, NULL},
+    {"patch", "samples on a side of a tile: large tiles cost fewer draws and more triangles", 1, 0, 2,
+     "17|33|65"},
+    {"metric", "how error is projected: by distance, by depth, or so that it holds anywhere in the window",
+     GEOMIPMAP_SAFE, 0, 2, "paper|depth|safe"},
+    {"delta", "error of a tile: as published, or with the borders that finer neighbours ask for",
+     GEOMIPMAP_STABLE, 0, 1, "published|stable"},
+    {"cull", "draw only tiles that the frustum meets", 1, 0, 1, "off|on"},
+    {"cache", "most tiles in the vertex buffer; 0: as many as a frame needs", 0, 0, 1e6, NULL},
+    {NULL, NULL, 0, 0, 0, NULL},
+};
+
+static const double quick_tau[] = {8, 4, 2, 1, 0.5, NAN};
+static const double full_tau[] = {16, 8, 4, 2, 1, 0.5, 0.25, 0.125, NAN};
+
+enum { FIRST_ROOM = 64, PLACES_UNIT = 0 };
+
+struct place { // one texel of the places buffer
+    int32_t cell[2], base, unused;
+};
+
+struct geomipmap_view { // what was selected for one view
+    struct geomipmap_selection selection;
+    GLsizei *counts; // one draw a tile
+    size_t *first;
+    GLint *base_vertex;
+    GLint eye_cell[2];
+    float eye_fraction[2];
+    uint64_t triangles;
+};
+
+struct geomipmap_program {
+    struct gpu_program program;
+    GLint eye_cell, eye_fraction, spacing, places;
+};
+
+struct geomipmap {
+    struct renderer base;
+    struct gpu *gpu;
+    struct geomipmap_choice choice;
+    struct geomipmap_mesh mesh;
+    struct geomipmap_tiles tiles;
+    struct geomipmap_cache cache;
+    struct geomipmap_cache_counts counts_before; // of the cache, when the frame began
+    struct geomipmap_view views[RENDERER_MAX_VIEWS];
+    int view_count;
+    bool streamed; // the frame needs more tiles than the cache may hold: draw() uploads in batches
+
+    struct geomipmap_program programs[PASS_COUNT];
+    GLuint vertex_array, indices, vertices, places, places_texture;
+    int room;             // slots in `vertices` and `places`
+    int tile_vertices;    // in a slot
+    size_t vertex_bytes;  // 2, or 4 for terrain whose tiles need more than 16 bits
+    int32_t *heights;     // of one tile
+    uint16_t *heights_16; // the same, above its base
+};
+
+// ---- the vertex buffer
+// ------------------------------------------------------------------------------------------------
+
+static GLuint resized_buffer(struct geomipmap *g, GLuint old, size_t old_bytes, size_t bytes)
+{
+    GLuint buffer;
+    glGenBuffers(1, &buffer);
+    glBindBuffer(GL_COPY_WRITE_BUFFER, buffer);
+    gpu_buffer_data(g->gpu, GL_COPY_WRITE_BUFFER, bytes, NULL, GL_DYNAMIC_DRAW);
+    if (old) {
+        glBindBuffer(GL_COPY_READ_BUFFER, old);
+        glCopyBufferSubData(GL_COPY_READ_BUFFER, GL_COPY_WRITE_BUFFER, 0, 0,
+                            (GLsizeiptr)(old_bytes < bytes ? old_bytes : bytes));
+        glDeleteBuffers(1, &old);
+    }
+    return buffer;
+}
+
+// Gives the buffers room for `room` slots and keeps what is in them.
+static void resize_slots(struct geomipmap *g, int room)
+{
+    size_t slot_bytes = (size_t)g->tile_vertices * g->vertex_bytes;
+    g->vertices = resized_buffer(g, g->vertices, (size_t)g->room * slot_bytes, (size_t)room * slot_bytes);
+    g->places = resized_buffer(g, g->places, (size_t)g->room * sizeof(struct place),
+                               (size_t)room * sizeof(struct place));
+    g->room = room;
+    glBindVertexArray(g->vertex_array);
+    glBindBuffer(GL_ARRAY_BUFFER, g->vertices);
+    glVertexAttribIPointer(0, 1, g->vertex_bytes == 2 ? GL_UNSIGNED_SHORT : GL_INT, (GLsizei)g->vertex_bytes,
+                           NULL);
+    glEnableVertexAttribArray(0);
+    glActiveTexture(GL_TEXTURE0 + PLACES_UNIT);
+    glBindTexture(GL_TEXTURE_BUFFER, g->places_texture);
+    glTexBuffer(GL_TEXTURE_BUFFER, GL_RGBA32I, g->places);
+}
+
+static void copy_slot(struct geomipmap *g, int from, int to)
+{
+    const GLuint buffers[2] = {g->vertices, g->places};
+    const size_t bytes[2] = {(size_t)g->tile_vertices * g->vertex_bytes, sizeof(struct place)};
+    for (int i = 0; i < 2; i++) {
+        glBindBuffer(GL_COPY_READ_BUFFER, buffers[i]);
+        glBindBuffer(GL_COPY_WRITE_BUFFER, buffers[i]);
+        glCopyBufferSubData(GL_COPY_READ_BUFFER, GL_COPY_WRITE_BUFFER, (GLintptr)((size_t)from * bytes[i]),
+                            (GLintptr)((size_t)to * bytes[i]), (GLsizeiptr)bytes[i]);
+    }
+}
+
+static void upload_tile(struct geomipmap *g, int tile, int slot)
+{
+    const struct geomipmap_tiles *tiles = &g->tiles;
+    int cells = 1 << tiles->bits;
+    struct place place = {.cell = {tile % tiles->tiles.columns * cells, tile / tiles->tiles.columns * cells}};
+    size_t bytes = (size_t)g->tile_vertices * g->vertex_bytes;
+    const void *data = g->heights;
+    geomipmap_tiles_read(tiles, tile, g->heights);
+    if (!tiles->wide) {
+        place.base = tiles->tiles.range[tile].low;
+        for (int i = 0; i < g->tile_vertices; i++) g->heights_16[i] = (uint16_t)(g->heights[i] - place.base);
+        data = g->heights_16;
+    }
+    glBindBuffer(GL_COPY_WRITE_BUFFER, g->vertices);
+    gpu_buffer_sub_data(g->gpu, GL_COPY_WRITE_BUFFER, (size_t)slot * bytes, bytes, data);
+    glBindBuffer(GL_COPY_WRITE_BUFFER, g->places);
+    gpu_buffer_sub_data(g->gpu, GL_COPY_WRITE_BUFFER, (size_t)slot * sizeof place, sizeof place, &place);
+}
+
+// Makes sure that picks from `start` are in the buffer and writes their draws to the front of the view's
+// list.  Returns the number of picks done: all, or as many as the cache takes in one batch.
+static int gather(struct geomipmap *g, struct geomipmap_view *view, int start)
+{
+    int done = 0;
+    for (; start + done < view->selection.count; done++) {
+        const struct geomipmap_pick *pick = &view->selection.picks[start + done];
+        const struct geomipmap_set *set = &g->mesh.sets[pick->set];
+        int slot;
+        enum geomipmap_found found = geomipmap_cache_find(&g->cache, pick->tile, &slot);
+        if (found == GEOMIPMAP_FULL) break;
+        if (slot >= g->room) resize_slots(g, 2 * g->room);
+        if (found == GEOMIPMAP_MISS) upload_tile(g, pick->tile, slot);
+        view->counts[done] = set->count;
+        view->first[done] = set->first;
+        view->base_vertex[done] = slot * g->tile_vertices;
+    }
+    return done;
+}
+
+// ---- the frame
+// ----------------------------------------------------------------------------------------------------------
+
+static void begin_frame(struct renderer *renderer, int frame)
+{
+    (void)frame;
+    struct geomipmap *g = (struct geomipmap *)renderer;
+    int from, to;
+    g->counts_before = g->cache.counts;
+    g->view_count = 0;
+    g->streamed = false;
+    if (geomipmap_cache_begin_frame(&g->cache, &from, &to)) copy_slot(g, from, to);
+    if (g->room > FIRST_ROOM && g->cache.slot_count < g->room / 4) resize_slots(g, g->room / 2);
+}
+
+// Eyes farther away than any map is wide keep their side of it.
+static GLint to_cell(int64_t cell)
+{
+    const int64_t limit = INT64_C(1) << 30;
+    return (GLint)(cell < -limit ? -limit : cell > limit ? limit : cell);
+}
+
+static void select_view(struct geomipmap *g, struct geomipmap_view *own, const struct view *view)
+{
+    struct view_origin eye = view_level_origin(view, g->tiles.finest);
+    const int64_t first[2] = {g->tiles.x0, g->tiles.y0};
+    for (int axis = 0; axis < 2; axis++) {
+        own->eye_cell[axis] = to_cell(eye.base[axis] - first[axis]);
+        own->eye_fraction[axis] = eye.fraction[axis];
+    }
+    geomipmap_select(&own->selection, &g->tiles, &g->choice, view);
+    own->triangles = 0;
+    for (int i = 0; i < own->selection.count; i++)
+        own->triangles += (uint64_t)g->mesh.sets[own->selection.picks[i].set].count / 3;
+}
+
+static bool update(struct renderer *renderer, const struct view *views, int count)
+{
+    struct geomipmap *g = (struct geomipmap *)renderer;
+    g->view_count = count;
+    for (int i = 0; i < count; i++) {
+        struct geomipmap_view *view = &g->views[i];
+        select_view(g, view, &views[i]);
+        if (!g->streamed) g->streamed = gather(g, view, 0) < view->selection.count;
+    }
+    if (g->streamed && g->cache.slot_count == 0) return fail("geomipmap: no memory for a single tile");
+    return true;
+}
+
+static void bind(struct geomipmap *g, const struct geomipmap_view *view, enum render_pass pass)
+{
+    const struct geomipmap_program *program = &g->programs[pass];
+    gpu_use_program(g->gpu, &program->program);
+    glUniform2iv(program->eye_cell, 1, view->eye_cell);
+    glUniform2fv(program->eye_fraction, 1, view->eye_fraction);
+    glUniform2f(program->spacing, (float)g->tiles.spacing_m[0], (float)g->tiles.spacing_m[1]);
+    glUniform1i(program->places, PLACES_UNIT);
+    glBindVertexArray(g->vertex_array);
+    glActiveTexture(GL_TEXTURE0 + PLACES_UNIT);
+    glBindTexture(GL_TEXTURE_BUFFER, g->places_texture);
+}
+
+static void draw_gathered(struct geomipmap *g, const struct geomipmap_view *view, int draws)
+{
+    uint64_t indices = 0;
+    for (int i = 0; i < draws; i++) indices += (uint64_t)view->counts[i];
+    if (draws > 0)
+        gpu_multi_draw_elements(g->gpu, GL_TRIANGLES, view->counts, GL_UNSIGNED_SHORT, view->first,
+                                view->base_vertex, draws, indices / 3);
+}
+
+static void draw(struct renderer *renderer, int view_index, enum render_pass pass)
+{
+    struct geomipmap *g = (struct geomipmap *)renderer;
+    struct geomipmap_view *view = &g->views[view_index];
+    bind(g, view, pass);
+    if (!g->streamed) {
+        draw_gathered(g, view, view->selection.count);
+        return;
+    }
+    for (int start = 0, draws; start < view->selection.count; start += draws) {
+        geomipmap_cache_begin_batch(&g->cache);
+        draws = gather(g, view, start);
+        bind(g, view, pass); // the buffers may have moved
+        draw_gathered(g, view, draws);
+    }
+}
+
+static void stats(const struct renderer *renderer, struct renderer_stats *stats)
+{
+    const struct geomipmap *g = (const struct geomipmap *)renderer;
+    const struct geomipmap_cache_counts *now = &g->cache.counts, *before = &g->counts_before;
+    size_t slot_bytes = (size_t)g->tile_vertices * g->vertex_bytes + sizeof(struct place);
+    *stats = (struct renderer_stats){
+        .triangles = g->view_count > 0 ? g->views[0].triangles : 0,
+        .claimed_error_px = g->choice.tau_px,
+        .resident_bytes = (uint64_t)g->room * slot_bytes + g->mesh.index_count * sizeof *g->mesh.indices,
+        .counters = {{"tiles", g->view_count > 0 ? g->views[0].selection.count : 0},
+                     {"hits", (double)(now->hits - before->hits)},
+                     {"misses", (double)(now->misses - before->misses)},
+                     {"evictions", (double)(now->evictions - before->evictions)},
+                     {"grown", (double)(now->grown - before->grown)},
+                     {"shrunk", (double)(now->shrunk - before->shrunk)},
+                     {"slots", g->cache.slot_count},
+                     {"height_bytes", (double)g->vertex_bytes}},
+    };
+}
+
+// ---- creation
+// -----------------------------------------------------------------------------------------------------------
+
+static bool build_programs(struct geomipmap *g, const struct scene_effects *effects)
+{
+    char defines[64];
+    snprintf(defines, sizeof defines, "#define TILE_ROW %d\n", (1 << g->tiles.bits) + 1);
+    for (int pass = 0; pass < PASS_COUNT; pass++) {
+        struct geomipmap_program *p = &g->programs[pass];
+        if (!gpu_program_build(g->gpu, &p->program, "geomipmap/geomipmap.vert", defines, effects,
+                               (enum render_pass)pass))
+            return false;
+        p->eye_cell = glGetUniformLocation(p->program.name, "eye_cell");
+        p->eye_fraction = glGetUniformLocation(p->program.name, "eye_fraction");
+        p->spacing = glGetUniformLocation(p->program.name, "spacing");
+        p->places = glGetUniformLocation(p->program.name, "places");
+    }
+    return true;
+}
+
+static bool allocate_views(struct geomipmap *g)
+{
+    size_t count = (size_t)g->tiles.tiles.columns * g->tiles.tiles.rows;
+    for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {
+        struct geomipmap_view *view = &g->views[i];
+        if (!geomipmap_selection_init(&view->selection, &g->tiles)) return false;
+        view->counts = malloc(count * sizeof *view->counts);
+        view->first = malloc(count * sizeof *view->first);
+        view->base_vertex = malloc(count * sizeof *view->base_vertex);
+        if (!view->counts || !view->first || !view->base_vertex)
+            return fail("geomipmap: no memory for a list of %zu draws", count);
+    }
+    g->heights = malloc((size_t)g->tile_vertices * sizeof *g->heights);
+    g->heights_16 = malloc((size_t)g->tile_vertices * sizeof *g->heights_16);
+    return (g->heights && g->heights_16) || fail("geomipmap: no memory for the heights of a tile");
+}
+
+// Slots are numbered by texels of the places buffer, and vertices by int.
+static int most_slots(const struct geomipmap *g, double knob)
+{
+    GLint texels;
+    glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &texels);
+    int limit = INT_MAX / g->tile_vertices;
+    if (limit > texels) limit = texels;
+    return knob >= 1 && knob < limit ? (int)knob : limit;
+}
+
+static void create_buffers(struct geomipmap *g)
+{
+    glGenVertexArrays(1, &g->vertex_array);
+    glBindVertexArray(g->vertex_array);
+    glGenBuffers(1, &g->indices);
+    glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, g->indices);
+    gpu_buffer_data(g->gpu, GL_ELEMENT_ARRAY_BUFFER, g->mesh.index_count * sizeof *g->mesh.indices,
+                    g->mesh.indices, GL_STATIC_DRAW);
+    glGenTextures(1, &g->places_texture);
+    resize_slots(g, FIRST_ROOM);
+}
+
+static void destroy(struct renderer *renderer)
+{
+    struct geomipmap *g = (struct geomipmap *)renderer;
+    if (!g) return;
+    for (int pass = 0; pass < PASS_COUNT; pass++) gpu_program_finish(&g->programs[pass].program);
+    if (g->vertex_array) { // GL objects come last, all or none
+        const GLuint buffers[3] = {g->indices, g->vertices, g->places};
+        glDeleteBuffers(3, buffers);
+        glDeleteTextures(1, &g->places_texture);
+        glDeleteVertexArrays(1, &g->vertex_array);
+    }
+    for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {
+        geomipmap_selection_finish(&g->views[i].selection);
+        free(g->views[i].counts);
+        free(g->views[i].first);
+        free(g->views[i].base_vertex);
+    }
+    free(g->heights);
+    free(g->heights_16);
+    geomipmap_cache_finish(&g->cache);
+    geomipmap_tiles_finish(&g->tiles);
+    geomipmap_mesh_finish(&g->mesh);
+    free(g);
+}
+
+static bool init(struct geomipmap *g, const struct renderer_desc *desc)
+{
+    int bits = 4 + (int)desc->knobs[KNOB_PATCH];
+    g->choice = (struct geomipmap_choice){.metric = (enum geomipmap_metric)desc->knobs[KNOB_METRIC],
+                                          .tau_px = desc->knobs[KNOB_TAU],
+                                          .cull = desc->knobs[KNOB_CULL] != 0};
+    if (!geomipmap_mesh_init(&g->mesh, bits) ||
+        !geomipmap_tiles_init(&g->tiles, desc->terrain, bits, (enum geomipmap_delta)desc->knobs[KNOB_DELTA],
+                              0))
+        return false;
+    g->tile_vertices = ((1 << bits) + 1) * ((1 << bits) + 1);
+    g->vertex_bytes = g->tiles.wide ? sizeof(int32_t) : sizeof(uint16_t);
+    if (!geomipmap_cache_init(&g->cache, g->tiles.tiles.columns * g->tiles.tiles.rows,
+                              most_slots(g, desc->knobs[KNOB_CACHE])) ||
+        !allocate_views(g) || !build_programs(g, desc->effects))
+        return false;
+    create_buffers(g);
+    return true;
+}
+
+static struct renderer *create(const struct renderer_desc *desc)
+{
+    struct geomipmap *g = calloc(1, sizeof *g);
+    if (!g) {
+        fail("geomipmap: no memory");
+        return NULL;
+    }
+    g->base.type = &geomipmap_renderer;
+    g->gpu = desc->gpu;
+    if (init(g, desc)) return &g->base;
+    destroy(&g->base);
+    return NULL;
+}
+
+const struct renderer_type geomipmap_renderer = {
+    .name = "geomipmap",
+    .summary = "tiles at the coarsest level within tau, stitched borders, LRU vertex buffer",
+    .knobs = knobs,
+    .quality_knob = "tau",
+    .quick = quick_tau,
+    .full = full_tau,
+    .create = create,
+    .begin_frame = begin_frame,
+    .update = update,
+    .draw = draw,
+    .stats = stats,
+    .destroy = destroy,
+};

@@ -1,0 +1,297 @@
+// SPDX-License-Identifier: MIT
+#include "geomipmap/geomipmap_lod.h"
+
+#include "common/report.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+// Sums of four products of doubles that are exact to 2^-53 each lie within range * 2^-48 of the true
+// distance; the guard is wider than that, and 0 for a flat tile.
+static const double ROUNDING = 0x1p-44;
+
+// The pictures that tau is checked on place a drawn point to within this many pixels (flat terrain shows as
+// much), so that much of tau is not given away.
+static const double FLOOR_PX = 1e-3;
+
+// ---- which triangles can be drawn
+// -----------------------------------------------------------------------------------
+
+// A triangle as one number, the same whichever vertex comes first, so that a sort finds those drawn twice.
+static uint64_t pack_triangle(const uint16_t v[3])
+{
+    int first = v[0] < v[1] ? (v[0] < v[2] ? 0 : 2) : (v[1] < v[2] ? 1 : 2);
+    return (uint64_t)v[first] << 32 | (uint64_t)v[(first + 1) % 3] << 16 | v[(first + 2) % 3];
+}
+
+static uint64_t pack_edge(uint16_t a, uint16_t b)
+{
+    return a < b ? (uint64_t)a << 16 | b : (uint64_t)b << 16 | a;
+}
+
+static int compare_keys(const void *a, const void *b)
+{
+    uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
+    return (x > y) - (x < y);
+}
+
+static size_t sort_unique(uint64_t *keys, size_t count)
+{
+    size_t kept = 0;
+    qsort(keys, count, sizeof *keys, compare_keys);
+    for (size_t i = 0; i < count; i++)
+        if (kept == 0 || keys[i] != keys[kept - 1]) keys[kept++] = keys[i];
+    return kept;
+}
+
+// Removes from sorted `keys` those that stand in sorted `others`.
+static size_t subtract(uint64_t *keys, size_t count, const uint64_t *others, size_t other_count)
+{
+    size_t kept = 0, j = 0;
+    for (size_t i = 0; i < count; i++) {
+        while (j < other_count && others[j] < keys[i]) j++;
+        if (j == other_count || others[j] != keys[i]) keys[kept++] = keys[i];
+    }
+    return kept;
+}
+
+// ---- probes
+// ---------------------------------------------------------------------------------------------------------
+
+struct builder {
+    struct geomipmap_plan *plan;
+    size_t capacity;
+    int row; // vertices in a row
+    bool failed;
+};
+
+static void add_probe(struct builder *b, const int vertex[4], const double weight[4])
+{
+    struct geomipmap_plan *plan = b->plan;
+    if (plan->count == b->capacity) {
+        size_t capacity = b->capacity ? 2 * b->capacity : 4096;
+        struct geomipmap_probe *probes = realloc(plan->probes, capacity * sizeof *probes);
+        if (!probes) {
+            b->failed = true;
+            return;
+        }
+        plan->probes = probes;
+        b->capacity = capacity;
+    }
+    struct geomipmap_probe *probe = &plan->probes[plan->count++];
+    for (int k = 0; k < 4; k++) {
+        probe->vertex[k] = (uint16_t)vertex[k];
+        probe->weight[k] = weight[k];
+    }
+}
+
+// Vertices of the finest level strictly inside a triangle: there the finest surface is that vertex.
+static void probe_inside(struct builder *b, uint64_t triangle)
+{
+    int v[3] = {(int)(triangle >> 32), (int)(triangle >> 16 & 0xffff), (int)(triangle & 0xffff)};
+    int x[3], y[3], low_x = INT32_MAX, low_y = INT32_MAX, high_x = 0, high_y = 0;
+    for (int k = 0; k < 3; k++) {
+        x[k] = v[k] % b->row, y[k] = v[k] / b->row;
+        low_x = x[k] < low_x ? x[k] : low_x, high_x = x[k] > high_x ? x[k] : high_x;
+        low_y = y[k] < low_y ? y[k] : low_y, high_y = y[k] > high_y ? y[k] : high_y;
+    }
+    int area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]);
+    for (int j = low_y; j <= high_y; j++)
+        for (int i = low_x; i <= high_x; i++) {
+            int part1 = (i - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (j - y[0]);
+            int part2 = (x[1] - x[0]) * (j - y[0]) - (i - x[0]) * (y[1] - y[0]);
+            int part0 = area - part1 - part2;
+            if (part0 <= 0 || part1 <= 0 || part2 <= 0) continue;
+            add_probe(b, (int[4]){j * b->row + i, v[0], v[1], v[2]},
+                      (double[4]){1.0, -(double)part0 / area, -(double)part1 / area, -(double)part2 / area});
+        }
+}
+
+// One crossing at k / m of the way along the edge p-q, on a grid line where the finest surface has an edge.
+// (fx, fy): the crossing times m; (ux, uy): direction of the fine edge that it lies on.
+static void probe_crossing(struct builder *b, int p, int q, int k, int m, int fx, int fy, int ux, int uy)
+{
+    int x = fx / m, y = fy / m, part = ux ? fx % m : fy % m;
+    int here = y * b->row + x, next = part ? (y + uy) * b->row + x + ux : here;
+    add_probe(b, (int[4]){here, next, p, q},
+              (double[4]){(double)(m - part) / m, (double)part / m, -(double)(m - k) / m, -(double)k / m});
+}
+
+// Points of an edge where it meets the edges of the finest surface: those run along x, along y and along the
+// diagonal.
+static void probe_edge(struct builder *b, uint64_t edge)
+{
+    int p = (int)(edge >> 16), q = (int)(edge & 0xffff);
+    int px = p % b->row, py = p / b->row, dx = q % b->row - px, dy = q / b->row - py;
+    int across = abs(dx), up = abs(dy), diagonal = abs(dx - dy);
+    for (int k = 1; k < across; k++)
+        probe_crossing(b, p, q, k, across, px * across + k * dx, py * across + k * dy, 0, 1);
+    // A vertex of the finest level lies on all three kinds of line; one of them suffices.
+    for (int k = 1; k < up; k++)
+        if (across == 0 || k * across % up != 0)
+            probe_crossing(b, p, q, k, up, px * up + k * dx, py * up + k * dy, 1, 0);
+    for (int k = 1; k < diagonal; k++)
+        if (k * across % diagonal != 0 && k * up % diagonal != 0)
+            probe_crossing(b, p, q, k, diagonal, px * diagonal + k * dx, py * diagonal + k * dy, 1, 1);
+}
+
+static void probe_triangles(struct builder *b, const uint64_t *triangles, size_t count, const uint64_t *edges,
+                            size_t edge_count)
+{
+    for (size_t i = 0; i < count; i++) probe_inside(b, triangles[i]);
+    for (size_t i = 0; i < edge_count; i++) probe_edge(b, edges[i]);
+}
+
+// ---- the plan
+// -------------------------------------------------------------------------------------------------------
+
+struct keys { // what some configurations of a level draw
+    uint64_t *triangles, *edges;
+    size_t triangle_count, edge_count;
+};
+
+static void add_configuration(struct keys *keys, int bits, int level, const int neighbours[GEOMIPMAP_SIDES],
+                              uint16_t *scratch)
+{
+    int count = geomipmap_mesh_write(bits, level, neighbours, scratch);
+    for (int i = 0; i < count; i += 3) {
+        const uint16_t *v = scratch + i;
+        keys->triangles[keys->triangle_count++] = pack_triangle(v);
+        for (int k = 0; k < 3; k++) keys->edges[keys->edge_count++] = pack_edge(v[k], v[(k + 1) % 3]);
+    }
+    keys->triangle_count = sort_unique(keys->triangles, keys->triangle_count);
+    keys->edge_count = sort_unique(keys->edges, keys->edge_count);
+}
+
+// Only cells at the south-east and north-west corners have a triangle on two sides; all pairs of (south,
+// east) and (west, north) therefore draw every triangle that any combination draws.
+static void plan_level(struct builder *b, int level, struct keys *plain, struct keys *all, uint16_t *scratch)
+{
+    int bits = b->plan->bits, same[GEOMIPMAP_SIDES] = {level, level, level, level};
+    plain->triangle_count = plain->edge_count = all->triangle_count = all->edge_count = 0;
+    add_configuration(plain, bits, level, same, scratch);
+    for (int i = 0; i <= level; i++)
+        for (int j = 0; j <= level; j++) add_configuration(all, bits, level, (int[4]){i, j, j, i}, scratch);
+    all->triangle_count =
+        subtract(all->triangles, all->triangle_count, plain->triangles, plain->triangle_count);
+    all->edge_count = subtract(all->edges, all->edge_count, plain->edges, plain->edge_count);
+    b->plan->plain[level] = b->plan->count;
+    if (level > 0)
+        probe_triangles(b, plain->triangles, plain->triangle_count, plain->edges, plain->edge_count);
+    b->plan->border[level] = b->plan->count;
+    if (level > 0) probe_triangles(b, all->triangles, all->triangle_count, all->edges, all->edge_count);
+}
+
+bool geomipmap_plan_init(struct geomipmap_plan *plan, int bits)
+{
+    *plan = (struct geomipmap_plan){.bits = bits};
+    struct builder b = {.plan = plan, .row = (1 << bits) + 1};
+    size_t bound = geomipmap_mesh_bound(bits); // indices of one configuration
+    // Besides one whole configuration, unique triangles are those of the border strips: fewer than a
+    // configuration for each of the levels squared, and that many again while one is being added.
+    size_t room = bound * (2 + (size_t)bits * (size_t)bits);
+    struct keys plain = {malloc(bound * sizeof(uint64_t)), malloc(bound * sizeof(uint64_t)), 0, 0};
+    struct keys all = {malloc(room * sizeof(uint64_t)), malloc(room * sizeof(uint64_t)), 0, 0};
+    uint16_t *scratch = malloc(bound * sizeof *scratch);
+    b.failed = !plain.triangles || !plain.edges || !all.triangles || !all.edges || !scratch;
+    for (int level = 0; level < bits && !b.failed; level++) plan_level(&b, level, &plain, &all, scratch);
+    free(plain.triangles);
+    free(plain.edges);
+    free(all.triangles);
+    free(all.edges);
+    free(scratch);
+    if (!b.failed) return true;
+    geomipmap_plan_finish(plan);
+    return fail("geomipmap: no memory to list the error probes of a tile");
+}
+
+void geomipmap_plan_finish(struct geomipmap_plan *plan)
+{
+    free(plan->probes);
+    *plan = (struct geomipmap_plan){0};
+}
+
+static void measure_probes(const struct geomipmap_probe *probe, const struct geomipmap_probe *end,
+                           const double *heights, double largest[GEOMIPMAP_LANES])
+{
+    double most[GEOMIPMAP_LANES];
+    memcpy(most, largest, sizeof most);
+    for (; probe < end; probe++) {
+        const double *a = heights + probe->vertex[0] * GEOMIPMAP_LANES, w0 = probe->weight[0];
+        const double *b = heights + probe->vertex[1] * GEOMIPMAP_LANES, w1 = probe->weight[1];
+        const double *c = heights + probe->vertex[2] * GEOMIPMAP_LANES, w2 = probe->weight[2];
+        const double *d = heights + probe->vertex[3] * GEOMIPMAP_LANES, w3 = probe->weight[3];
+        for (int lane = 0; lane < GEOMIPMAP_LANES; lane++) {
+            double distance = fabs((a[lane] * w0 + b[lane] * w1) + (c[lane] * w2 + d[lane] * w3));
+            most[lane] = distance > most[lane] ? distance : most[lane];
+        }
+    }
+    memcpy(largest, most, sizeof most);
+}
+
+// The least float that is not below a non-negative number.
+static float round_up(double value)
+{
+    float rounded = (float)value;
+    return (double)rounded < value ? nextafterf(rounded, FLT_MAX) : rounded;
+}
+
+void geomipmap_plan_measure(const struct geomipmap_plan *plan, enum geomipmap_delta delta,
+                            const double *heights, const double range[GEOMIPMAP_LANES],
+                            float error[GEOMIPMAP_LANES][GEOMIPMAP_MAX_LEVELS])
+{
+    for (int level = 0; level < plan->bits; level++) {
+        double largest[GEOMIPMAP_LANES] = {0};
+        size_t next = level + 1 < plan->bits ? plan->plain[level + 1] : plan->count;
+        size_t end = delta == GEOMIPMAP_STABLE ? next : plan->border[level];
+        measure_probes(plan->probes + plan->plain[level], plan->probes + end, heights, largest);
+        for (int lane = 0; lane < GEOMIPMAP_LANES; lane++)
+            error[lane][level] = level == 0 ? 0.0f : round_up(largest[lane] + range[lane] * ROUNDING);
+    }
+}
+
+// ---- what is allowed
+// ------------------------------------------------------------------------------------------------
+
+// A vertical segment of length d from p to q shows as exactly  K d |v_xy - t v_w| / w_q  pixels, where v is
+// the unit vertical in the camera's axes and t the tangents of p (numerics.md, C1 bounds the same by sqrt(1 +
+// T^2)).  If p is the end that is seen, t lies in the window, over which the factor is largest at a corner,
+// and w_q >= w_p - d |v_w|.
+void geomipmap_judge_init(struct geomipmap_judge *judge, enum geomipmap_metric metric, double tau_px,
+                          const struct view *view)
+{
+    double vertical[3] = {view->right[2], view->up[2], view->forward[2]}, most = 0;
+    for (int corner = 0; corner < 4; corner++) {
+        double tx = corner & 1 ? view->tan_half[0] : -view->tan_half[0];
+        double ty = corner & 2 ? view->tan_half[1] : -view->tan_half[1];
+        most = fmax(most, hypot(vertical[0] - tx * vertical[2], vertical[1] - ty * vertical[2]));
+    }
+    bool safe = metric == GEOMIPMAP_SAFE;
+    *judge = (struct geomipmap_judge){
+        .metric = metric,
+        .tau_px = safe ? fmax(tau_px - FLOOR_PX, 0) : tau_px,
+        .pixels_per_tangent = view->pixels_per_tangent,
+        .near_m = view->near_m,
+        .vertical_px = view->pixels_per_tangent * (safe ? most : 1),
+        .vertical_sink = safe ? fabs(vertical[2]) : 0,
+    };
+}
+
+double geomipmap_allowed(const struct geomipmap_judge *judge, double depth_m, double distance_m)
+{
+    if (judge->metric == GEOMIPMAP_PAPER) return judge->tau_px * distance_m / judge->pixels_per_tangent;
+    // Solved for d:  vertical_px d <= tau max(near, depth - sink d); what is nearer than near is clipped to
+    // it.
+    double near = judge->tau_px * judge->near_m / judge->vertical_px;
+    double deep = judge->tau_px * depth_m / (judge->vertical_px + judge->tau_px * judge->vertical_sink);
+    return deep > near ? deep : near;
+}
+
+int geomipmap_choose(const float *error, int levels, double allowed)
+{
+    for (int level = levels - 1; level > 0; level--)
+        if ((double)error[level] <= allowed) return level;
+    return 0;
+}

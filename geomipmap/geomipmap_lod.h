@@ -1,0 +1,80 @@
+// How wrong a tile is at each level, and how wrong it may be (Brodersen 2005, section 4; numerics.md, G2 and
+// C1-C3).  No GL.
+//
+// The error of a level is the largest vertical distance between the triangles it draws and the finest
+// surface, anywhere in the tile.
+//   published: delta_l, over the vertices of the finest level under the level's own triangles.
+//   stable:    delta'_l, also over every triangulation of the border that a finer neighbour can ask for.
+//   Added vertices are exact,
+//              but the fan they make is another triangulation, up to twice as wrong (G2).
+// Both surfaces are linear between the points where an edge of one meets an edge of the other, so the largest
+// distance stands at one of those points.  Which points these are depends on the tile's size alone: they are
+// listed once, as weights of four vertices, and each tile only sums them up. SPDX-License-Identifier: MIT
+#ifndef GEOMIPMAP_GEOMIPMAP_LOD_H
+#define GEOMIPMAP_GEOMIPMAP_LOD_H
+
+#include "common/view/view.h"
+#include "geomipmap/geomipmap_mesh.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum geomipmap_delta { GEOMIPMAP_PUBLISHED, GEOMIPMAP_STABLE };
+
+// Distance between the two surfaces at one point: |sum of weight x height|.
+struct geomipmap_probe {
+    uint16_t vertex[4];
+    double weight[4];
+};
+
+struct geomipmap_plan {
+    int bits;
+    struct geomipmap_probe *probes;
+    size_t plain[GEOMIPMAP_MAX_LEVELS];  // first probe of a level's own triangles
+    size_t border[GEOMIPMAP_MAX_LEVELS]; // first probe that only a finer neighbour brings
+    size_t count;                        // of all probes; a level ends where the next begins
+};
+
+bool geomipmap_plan_init(struct geomipmap_plan *plan, int bits); // false after one line on stderr
+void geomipmap_plan_finish(struct geomipmap_plan *plan);         // accepts a zeroed plan
+
+// Tiles are measured this many at a time; their heights stand side by side, heights[vertex * LANES + lane],
+// in quanta above each tile's lowest vertex.
+enum { GEOMIPMAP_LANES = 8 };
+
+// Error of each lane's tile at each level, in quanta, rounded up; exactly 0 where the surfaces are the same
+// because the tile is flat, and at level 0.  range[lane]: height of the tile's highest vertex.
+void geomipmap_plan_measure(const struct geomipmap_plan *plan, enum geomipmap_delta delta,
+                            const double *heights, const double range[GEOMIPMAP_LANES],
+                            float error[GEOMIPMAP_LANES][GEOMIPMAP_MAX_LEVELS]);
+
+// ---- what is allowed
+// ------------------------------------------------------------------------------------------------
+
+enum geomipmap_metric {
+    GEOMIPMAP_PAPER, // K d / D, D the Euclidean distance to the tile's box: too small off the axis
+    GEOMIPMAP_DEPTH, // K d / w, w the least depth of the tile's visible part
+    GEOMIPMAP_SAFE,  // holds for every vertical segment of length d that has a visible end in the tile
+};
+
+// What of a view the metric needs; the same for all tiles.
+struct geomipmap_judge {
+    enum geomipmap_metric metric;
+    double tau_px;
+    double pixels_per_tangent;
+    double near_m;
+    double vertical_px;   // safe: most pixels that a vertical metre takes at depth 1, over the window
+    double vertical_sink; // safe: depth that a vertical metre can lose
+};
+void geomipmap_judge_init(struct geomipmap_judge *judge, enum geomipmap_metric metric, double tau_px,
+                          const struct view *view);
+
+// Largest vertical error in metres that keeps the metric within tau, for a tile whose visible part is at
+// least `depth_m` deep and whose box is `distance_m` from the eye.
+double geomipmap_allowed(const struct geomipmap_judge *judge, double depth_m, double distance_m);
+
+// The coarsest of `levels` levels whose error is at most `allowed`, both in the same unit; 0 when none is.
+int geomipmap_choose(const float *error, int levels, double allowed);
+
+#endif
