@@ -109,6 +109,9 @@ static void prepare_process(int threads)
     mallopt(M_TRIM_THRESHOLD,
             INT_MAX); // else the rasteriser's heap is given back and faulted in again each frame
 #endif
+    // Mesa's own warnings would stand beside the one line that says what is wrong.
+    setenv("EGL_LOG_LEVEL", "fatal", 0);
+    setenv("LIBGL_DEBUG", "quiet", 0);
     if (threads < 0) return;
     char text[16];
     snprintf(text, sizeof text, "%d", threads);
