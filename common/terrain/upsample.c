@@ -82,38 +82,48 @@ static const struct taps {
     [TERRAIN_FILTER_DECIMATE] = {{0, 0, 0, 1, 0, 0, 0}, 0},
 };
 
+enum { ROWS_A_BLOCK = 32, GHOSTS = 4, SLOPE_CELLS = 4 };
+
 struct downsampling {
     const int32_t *fine;
     const struct taps *taps;
     int64_t first[2], size[2], coarse_first[2], coarse_size[2];
-    int32_t *rows; // each fine row filtered along x: coarse_size[0] x size[1], scaled by 2^shift
+    int32_t *rows; // fine rows filtered along x, scaled by 2^shift; GHOSTS more rows on either side
     int32_t *coarse;
 };
 
-enum { ROWS_A_BLOCK = 32, GHOSTS = 4 };
-
-// A row with GHOSTS samples beyond each end, extrapolated linearly: then filters are exact on planes up to
-// the border.
-static void extend_row(const int32_t *row, int64_t size, int32_t *extended)
+static int32_t limit(int64_t q)
 {
-    memcpy(extended + GHOSTS, row, (size_t)size * sizeof *row);
-    int32_t left = size > 1 ? row[0] - row[1] : 0, right = size > 1 ? row[size - 1] - row[size - 2] : 0;
-    for (int k = 1; k <= GHOSTS; k++) {
-        extended[GHOSTS - k] = row[0] + k * left;
-        extended[GHOSTS + size - 1 + k] = row[size - 1] + k * right;
-    }
+    return q > QUANTA_LIMIT ? QUANTA_LIMIT : q < -QUANTA_LIMIT ? -QUANTA_LIMIT : (int32_t)q;
+}
+
+// Value k steps beyond `end`, where `inner` lies `cells` cells inside.  Exact on planes, so that filters are
+// exact on planes up to the border.  The slope is that of several cells: with the last cell's alone, borders
+// run away level by level.
+static int64_t beyond(int64_t end, int64_t inner, int64_t cells, int64_t k)
+{
+    return cells > 0 ? end + k * (end - inner) / cells : end;
+}
+
+static int64_t slope_cells(int64_t size)
+{
+    return size - 1 < SLOPE_CELLS ? size - 1 : SLOPE_CELLS;
 }
 
 static void filter_rows(int block, void *user)
 {
     const struct downsampling *d = user;
-    int32_t *extended = malloc((size_t)(d->size[0] + 2 * GHOSTS) * sizeof *extended);
+    int64_t size = d->size[0], cells = slope_cells(size), end = (int64_t)(block + 1) * ROWS_A_BLOCK;
+    int32_t *extended = malloc((size_t)(size + 2 * GHOSTS) * sizeof *extended);
     if (!extended) abort();
-    int64_t end =
-        (int64_t)(block + 1) * ROWS_A_BLOCK < d->size[1] ? (int64_t)(block + 1) * ROWS_A_BLOCK : d->size[1];
-    for (int64_t y = (int64_t)block * ROWS_A_BLOCK; y < end; y++) {
-        extend_row(d->fine + y * d->size[0], d->size[0], extended);
-        int32_t *out = d->rows + y * d->coarse_size[0];
+    for (int64_t y = (int64_t)block * ROWS_A_BLOCK; y < end && y < d->size[1]; y++) {
+        const int32_t *row = d->fine + y * size;
+        memcpy(extended + GHOSTS, row, (size_t)size * sizeof *row);
+        for (int k = 1; k <= GHOSTS; k++) {
+            extended[GHOSTS - k] = limit(beyond(row[0], row[cells], cells, k));
+            extended[GHOSTS + size - 1 + k] = limit(beyond(row[size - 1], row[size - 1 - cells], cells, k));
+        }
+        int32_t *out = d->rows + (y + GHOSTS) * d->coarse_size[0];
         const int32_t *centre = extended + GHOSTS + (2 * d->coarse_first[0] - d->first[0]);
         for (int64_t i = 0; i < d->coarse_size[0]; i++) {
             int32_t sum = 0;
@@ -124,44 +134,29 @@ static void filter_rows(int block, void *user)
     free(extended);
 }
 
-// Fine row y, which may lie beyond the border, as a combination a + k (a - b) of rows inside.
-struct ghost_row {
-    const int32_t *a, *b;
-    int64_t k;
-};
-
-static struct ghost_row ghost_row(const struct downsampling *d, int64_t y)
+static void extend_columns(const struct downsampling *d)
 {
-    int64_t last = d->size[1] - 1, nearest = y < 0 ? 0 : y > last ? last : y;
-    int64_t next = last == 0 ? 0 : y < 0 ? 1 : y > last ? last - 1 : y;
-    return (struct ghost_row){d->rows + nearest * d->coarse_size[0], d->rows + next * d->coarse_size[0],
-                              y < nearest ? nearest - y : y - nearest};
-}
-
-static int32_t limit(int64_t q)
-{
-    return q > QUANTA_LIMIT ? QUANTA_LIMIT : q < -QUANTA_LIMIT ? -QUANTA_LIMIT : (int32_t)q;
+    int64_t width = d->coarse_size[0], cells = slope_cells(d->size[1]);
+    int32_t *south = d->rows + GHOSTS * width, *north = south + (d->size[1] - 1) * width;
+    for (int64_t k = 1; k <= GHOSTS; k++)
+        for (int64_t i = 0; i < width; i++) {
+            south[i - k * width] = (int32_t)beyond(south[i], south[i + cells * width], cells, k);
+            north[i + k * width] = (int32_t)beyond(north[i], north[i - cells * width], cells, k);
+        }
 }
 
 static void filter_columns(int block, void *user)
 {
     const struct downsampling *d = user;
-    int64_t end = (int64_t)(block + 1) * ROWS_A_BLOCK;
-    if (end > d->coarse_size[1]) end = d->coarse_size[1];
+    int64_t width = d->coarse_size[0], end = (int64_t)(block + 1) * ROWS_A_BLOCK;
     int shift = 2 * d->taps->shift;
     int64_t round = shift ? (int64_t)1 << (shift - 1) : 0;
-    for (int64_t j = (int64_t)block * ROWS_A_BLOCK; j < end; j++) {
-        struct ghost_row rows[7];
-        for (int k = 0; k < 7; k++)
-            rows[k] = ghost_row(d, 2 * (d->coarse_first[1] + j) - d->first[1] + k - 3);
-        int32_t *out = d->coarse + j * d->coarse_size[0];
-        for (int64_t i = 0; i < d->coarse_size[0]; i++) {
+    for (int64_t j = (int64_t)block * ROWS_A_BLOCK; j < end && j < d->coarse_size[1]; j++) {
+        const int32_t *centre = d->rows + (GHOSTS + 2 * (d->coarse_first[1] + j) - d->first[1]) * width;
+        for (int64_t i = 0; i < width; i++) {
             int64_t sum = round;
-            for (int k = 0; k < 7; k++) {
-                int64_t a = rows[k].a[i], b = rows[k].b[i];
-                sum += d->taps->weight[k] * (a + rows[k].k * (a - b));
-            }
-            out[i] = limit(sum >> shift);
+            for (int k = -3; k <= 3; k++) sum += (int64_t)d->taps->weight[k + 3] * centre[i + k * width];
+            d->coarse[j * width + i] = limit(sum >> shift);
         }
     }
 }
@@ -176,9 +171,10 @@ void downsample(const int32_t *fine, const int64_t first[2], const int64_t size[
         d.coarse_first[axis] = downsample_first(first[axis]);
         d.coarse_size[axis] = downsample_size(first[axis], size[axis]);
     }
-    d.rows = malloc((size_t)(d.coarse_size[0] * d.size[1]) * sizeof *d.rows);
+    d.rows = malloc((size_t)(d.coarse_size[0] * (d.size[1] + 2 * GHOSTS)) * sizeof *d.rows);
     if (!d.rows) abort();
     parallel_blocks((int)((d.size[1] + ROWS_A_BLOCK - 1) / ROWS_A_BLOCK), 0, filter_rows, &d);
+    extend_columns(&d);
     parallel_blocks((int)((d.coarse_size[1] + ROWS_A_BLOCK - 1) / ROWS_A_BLOCK), 0, filter_columns, &d);
     free(d.rows);
 }
