@@ -64,7 +64,8 @@ static bool is_choice(const char *choices, const char *text)
 {
     size_t length = strlen(text);
     for (const char *word = choices; word; word = strchr(word, '|') ? strchr(word, '|') + 1 : NULL)
-        if (length && strncmp(word, text, length) == 0 && (word[length] == '|' || word[length] == '\0'))
+        if (length && !strchr(text, '|') && strncmp(word, text, length) == 0 &&
+            (word[length] == '|' || word[length] == '\0'))
             return true;
     return false;
 }

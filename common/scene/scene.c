@@ -88,7 +88,8 @@ static bool is_word(const char *words, const char *text)
 {
     size_t length = strlen(text);
     for (const char *word = words; word; word = strchr(word, '|') ? strchr(word, '|') + 1 : NULL)
-        if (length && strncmp(word, text, length) == 0 && (word[length] == '|' || word[length] == '\0'))
+        if (length && !strchr(text, '|') && strncmp(word, text, length) == 0 &&
+            (word[length] == '|' || word[length] == '\0'))
             return true;
     return false;
 }
