@@ -1,6 +1,11 @@
 // What each pixel really sees: a double-precision ray caster over the extrema pyramid of the finest level
-// (gl-rooflines: hierarchical DDA, exact piecewise-linear hits, diagonal (i,j)-(i+1,j+1)).
-// No GL.  Same result for any number of threads.
+// (hierarchical DDA with integer cells and times compared, exact piecewise-linear hits, diagonal
+// (i,j)-(i+1,j+1)). No GL.  Same result for any number of threads.
+//
+// The surface is seen from above only, and nothing of it lies beyond the map's outline.  A ray sees ground
+// where it first comes down through the surface; touching counts.  A ray that starts below the surface (an
+// eye under the terrain, ground nearer than the near plane, a map entered through its side) would meet it
+// from below: what is seen from below counts as undrawn, so the truth of such a pixel is sky.
 // SPDX-License-Identifier: MIT
 #ifndef BENCH_TRUTH_H
 #define BENCH_TRUTH_H
@@ -9,7 +14,8 @@
 #include "common/view/view.h"
 
 struct truth_pixel {
-    double relative[3]; // hit, relative to the eye, metres; meaningful when depth > 0
+    double relative[3]; // hit, relative to the eye, metres; meaningful when depth > 0.  z is the surface's
+                        // own there
     double depth;       // along forward; 0: sky
     float slope[2];     // dz/dx, dz/dy of the triangle hit, metres per metre
 };
@@ -17,21 +23,25 @@ struct truth_pixel {
 struct truth {
     int width, height;
     struct truth_pixel *pixels; // row 0 is the bottom row
+    size_t *row_first;          // ground pixels before each row; [height]: all of them
     uint64_t ground;            // pixels that see terrain
 };
 
-// How the caster reads the surface: cells of one height field.  The plane implements it over terrain_samples; a sphere will over
-// meridians and cones.
+// How the caster reads the surface: cells of one height field.  The plane implements it over terrain_samples;
+// a sphere will over meridians and cones.  The terrain is borrowed until destroy.
 struct truth_surface;
 struct truth_surface *truth_surface_create(const struct terrain *terrain); // NULL after one line on stderr
-void truth_surface_destroy(struct truth_surface *surface);
+void truth_surface_destroy(struct truth_surface *surface);                 // accepts NULL
 
-bool truth_init(struct truth *truth, int width, int height);
-void truth_finish(struct truth *truth);
-void truth_cast(struct truth *truth, const struct truth_surface *surface, const struct view *view, int threads);
+bool truth_init(struct truth *truth, int width, int height); // false after one line on stderr
+void truth_finish(struct truth *truth);                      // accepts a zeroed struct
+
+// Casts a ray through each pixel's centre, from depth near_m on.  The view is of the truth's size.
+void truth_cast(struct truth *truth, const struct truth_surface *surface, const struct view *view,
+                int threads);
 
 // One ray from the eye; direction need not be unit.  False: sky.  *t: the hit is at eye + t * direction.
-bool truth_cast_ray(const struct truth_surface *surface, const double eye_m[3], const double direction[3], double *t,
-                    float slope[2]);
+bool truth_cast_ray(const struct truth_surface *surface, const double eye_m[3], const double direction[3],
+                    double *t, float slope[2]);
 
 #endif

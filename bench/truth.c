@@ -1,0 +1,467 @@
+// SPDX-License-Identifier: MIT
+#include "bench/truth.h"
+
+#include "common/parallel.h"
+#include "common/report.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { ROWS_A_BLOCK = 4 };
+
+struct truth_surface {
+    const struct terrain *terrain;
+    const struct terrain_extrema *extrema;
+    const int32_t *samples; // of the finest level, row 0 south
+    size_t stride;
+    int32_t *copy; // owned, when the level is not in memory
+    int finest;
+    int64_t first[2]; // index of the south-west sample
+    int64_t cells[2];
+    double clip[4]; // the map's outline in cells from the south-west sample: u, v lowest, u, v highest
+    double spacing_m[2], quantum_m, offset_m;
+    double min_q, max_q;
+};
+
+// ---- a ray, and what the walk asks of a datum
+// ----------------------------------------------------------------------
+
+// Axes 0 and 1 are cells from the south-west sample (u east, v north), axis 2 is the height in quanta.
+struct ray {
+    double origin[3], direction[3]; // at t: origin + t * direction
+    double inverse[2];              // 1 / direction
+    int step[2];                    // -1, 0 or 1
+    double across, across_inverse;  // u - v at t = 0, and 1 / its change
+};
+
+// Every time at which a ray crosses something is computed from that something alone, so the two cells on its
+// sides agree on it bitwise.  A constant table is inlined into the walk; a sphere brings another table
+// (meridian half planes and cones for lines), and cuts its rays where latitude or height turns.
+struct datum {
+    double (*line)(const struct ray *ray, int axis, int64_t k);    // t of the crossing of grid line k
+    double (*diagonal)(const struct ray *ray, int64_t k);          // t of the crossing of u - v = k
+    double (*place)(const struct ray *ray, int axis, double t);    // u, v in cells, or the height in quanta
+    double (*lowest)(const struct ray *ray, double t0, double t1); // lowest height in an interval
+};
+
+static inline double plane_line(const struct ray *ray, int axis, int64_t k)
+{
+    return ray->step[axis] ? ((double)k - ray->origin[axis]) * ray->inverse[axis] : HUGE_VAL;
+}
+
+static inline double plane_diagonal(const struct ray *ray, int64_t k)
+{
+    return ((double)k - ray->across) *
+           ray->across_inverse; // NAN or infinite along the diagonal: never inside
+}
+
+static inline double plane_place(const struct ray *ray, int axis, double t)
+{
+    return ray->origin[axis] + t * ray->direction[axis];
+}
+
+static inline double plane_lowest(const struct ray *ray, double t0, double t1)
+{
+    return plane_place(ray, 2, ray->direction[2] < 0 ? t1 : t0);
+}
+
+static const struct datum plane = {plane_line, plane_diagonal, plane_place, plane_lowest};
+
+// ---- one cell
+// ------------------------------------------------------------------------------------------------------
+
+struct cell {
+    int64_t at[2];
+    double corner[2][2]; // heights in quanta, [north][east]
+};
+
+static inline double clamp(double value, double low, double high)
+{
+    return value < low ? low : value > high ? high : value;
+}
+
+// Never outside [a, b] for s in [0, 1]: heights are integers, so b - a is exact and rounding is monotone.
+static inline double between(double a, double b, double s)
+{
+    return a + (b - a) * s;
+}
+
+static inline struct cell read_cell(const struct truth_surface *surface, const int64_t at[2])
+{
+    const int32_t *south = surface->samples + (size_t)at[1] * surface->stride + (size_t)at[0];
+    const int32_t *north = south + surface->stride;
+    return (struct cell){{at[0], at[1]}, {{south[0], south[1]}, {north[0], north[1]}}};
+}
+
+// Height of the edge on grid line `line` of `axis`; the same bits from both of its cells.
+static inline double edge_height(const struct cell *cell, int axis, int64_t line, double other)
+{
+    double s = clamp(other - (double)cell->at[!axis], 0, 1);
+    bool side = line > cell->at[axis];
+    return axis == 0 ? between(cell->corner[0][side], cell->corner[1][side], s)
+                     : between(cell->corner[side][0], cell->corner[side][1], s);
+}
+
+static inline double diagonal_height(const struct cell *cell, double u)
+{
+    return between(cell->corner[0][0], cell->corner[1][1], clamp(u - (double)cell->at[0], 0, 1));
+}
+
+// Slopes of one of the two triangles, quanta a cell.
+static inline void triangle_slope(const struct cell *cell, bool south_east, double slope[2])
+{
+    slope[0] = cell->corner[!south_east][1] - cell->corner[!south_east][0];
+    slope[1] = cell->corner[1][south_east] - cell->corner[0][south_east];
+}
+
+static inline double triangle_height(const struct cell *cell, bool south_east, double u, double v)
+{
+    double slope[2], east = clamp(u - (double)cell->at[0], 0, 1),
+                     north = clamp(v - (double)cell->at[1], 0, 1);
+    triangle_slope(cell, south_east, slope);
+    return cell->corner[0][0] + (slope[0] * east + slope[1] * north);
+}
+
+static inline double cell_height(const struct cell *cell, double u, double v)
+{
+    return triangle_height(cell, u - (double)cell->at[0] >= v - (double)cell->at[1], u, v);
+}
+
+// ---- the walk
+// ------------------------------------------------------------------------------------------------------
+
+struct hit {
+    double t;
+    double height_q;
+    double slope_q[2]; // quanta a cell
+};
+
+// Where the ray is.  `line` says how it came there: over grid line `line` of `axis`, or not over one (axis <
+// 0).
+struct place {
+    double t;
+    int axis;
+    int64_t line;
+};
+
+// Height of the ray over the surface at a place on the rim of the cell, or inside it where the walk begins
+// and ends.
+static inline double clearance(const struct datum *datum, const struct ray *ray, const struct cell *cell,
+                               const struct place *place)
+{
+    double z = datum->place(ray, 2, place->t);
+    if (place->axis >= 0)
+        return z - edge_height(cell, place->axis, place->line, datum->place(ray, !place->axis, place->t));
+    return z - cell_height(cell, datum->place(ray, 0, place->t), datum->place(ray, 1, place->t));
+}
+
+// The ray comes down from `above` >= 0 at t0 to `below` <= 0 at t1, inside one triangle.
+static inline void set_hit(struct hit *hit, const struct datum *datum, const struct ray *ray,
+                           const struct cell *cell, double t0, double t1, double above, double below)
+{
+    double middle = 0.5 * (t0 + t1), across = datum->place(ray, 0, middle) - datum->place(ray, 1, middle);
+    bool south_east = across >= (double)(cell->at[0] - cell->at[1]);
+    hit->t = above > 0 ? t0 + (t1 - t0) * (above / (above - below)) : t0;
+    hit->height_q =
+        triangle_height(cell, south_east, datum->place(ray, 0, hit->t), datum->place(ray, 1, hit->t));
+    triangle_slope(cell, south_east, hit->slope_q);
+}
+
+static inline bool comes_down(double from, double to)
+{
+    return (from > 0 && to <= 0) || (from == 0 && to < 0);
+}
+
+// Clearance is linear in each triangle and every rim value is shared with the neighbour, so no ray slips
+// through an edge or a vertex: the chain of clearances along a ray has no gap for a change of sign to hide
+// in.
+static inline bool cell_hit(const struct datum *datum, const struct truth_surface *surface,
+                            const struct ray *ray, const int64_t at[2], const struct place *from,
+                            const struct place *to, struct hit *hit)
+{
+    struct cell cell = read_cell(surface, at);
+    double first = clearance(datum, ray, &cell, from), last = clearance(datum, ray, &cell, to);
+    double t = datum->diagonal(ray, at[0] - at[1]), t0 = from->t;
+    if (first < 0) { // rounding where the walk changed cells at a vertex: the surface is here
+        set_hit(hit, datum, ray, &cell, t0, t0, 0, 0);
+        return true;
+    }
+    if (t > t0 && t < to->t) {
+        double middle = datum->place(ray, 2, t) - diagonal_height(&cell, datum->place(ray, 0, t));
+        if (comes_down(first, middle)) {
+            set_hit(hit, datum, ray, &cell, t0, t, first, middle);
+            return true;
+        }
+        first = middle, t0 = t;
+    }
+    if (!comes_down(first, last)) return false;
+    set_hit(hit, datum, ray, &cell, t0, to->t, first, last);
+    return true;
+}
+
+// The child of a node that the ray is in at time t, on one axis.
+static inline int64_t child_at(const struct datum *datum, const struct ray *ray, int axis, int64_t node,
+                               int height, double t, int64_t count)
+{
+    int64_t middle = (2 * node + 1) << height;
+    bool beyond = ray->step[axis] ? datum->line(ray, axis, middle) <= t : ray->origin[axis] >= (double)middle;
+    int64_t child = 2 * node + (ray->step[axis] >= 0 ? beyond : !beyond);
+    return child < count ? child : count - 1;
+}
+
+// Walks t0..t1 over the nodes of the extrema pyramid: down where the ray may touch what a node holds, on to
+// the next node where it cannot, up when that has another parent.
+static inline __attribute__((always_inline)) bool walk(const struct datum *datum,
+                                                       const struct truth_surface *surface,
+                                                       const struct ray *ray, double t0, double t1,
+                                                       struct hit *hit)
+{
+    const struct terrain_extrema *extrema = surface->extrema;
+    int height = extrema->heights - 1;
+    int64_t node[2] = {0, 0};
+    struct place at = {t0, -1, 0};
+    for (;;) {
+        const struct terrain_extrema_nodes *nodes = &extrema->nodes[height];
+        int64_t line[2] = {(node[0] + (ray->step[0] > 0)) << height, (node[1] + (ray->step[1] > 0))
+                                                                         << height};
+        double t[2] = {datum->line(ray, 0, line[0]), datum->line(ray, 1, line[1])};
+        int axis = t[1] < t[0];
+        struct place next = {t[axis] > at.t ? t[axis] : at.t, axis, line[axis]};
+        if (!(next.t < t1)) next = (struct place){t1, -1, 0};
+        if (datum->lowest(ray, at.t, next.t) <= nodes->max_q[node[1] * nodes->width + node[0]]) {
+            if (height == 0 && cell_hit(datum, surface, ray, node, &at, &next, hit)) return true;
+            if (height > 0) {
+                height--;
+                for (int k = 0; k < 2; k++)
+                    node[k] = child_at(datum, ray, k, node[k], height, at.t,
+                                       k ? nodes[-1].height : nodes[-1].width);
+                continue;
+            }
+        }
+        if (next.axis < 0) return false;
+        int64_t before = node[axis], count = axis ? nodes->height : nodes->width;
+        node[axis] += ray->step[axis];
+        if (node[axis] < 0 || node[axis] >= count) return false;
+        at = next;
+        if (before >> 1 != node[axis] >> 1) height++, node[0] >>= 1, node[1] >>= 1;
+    }
+}
+
+// ---- one ray on the plane
+// ------------------------------------------------------------------------------------------
+
+static struct ray make_ray(const double origin[3], const double direction[3])
+{
+    struct ray ray = {.across = origin[0] - origin[1]};
+    memcpy(ray.origin, origin, sizeof ray.origin);
+    memcpy(ray.direction, direction, sizeof ray.direction);
+    for (int k = 0; k < 2; k++) {
+        ray.inverse[k] = 1 / direction[k];
+        if (isfinite(ray.inverse[k])) ray.step[k] = direction[k] < 0 ? -1 : 1;
+    }
+    ray.across_inverse = 1 / (direction[0] - direction[1]);
+    return ray;
+}
+
+// Narrows t0..t1 to where low <= origin + t * direction <= high; false when nothing is left.
+static bool narrow(double origin, double direction, double low, double high, double *t0, double *t1)
+{
+    double inverse = 1 / direction;
+    if (!isfinite(inverse)) return origin >= low && origin <= high;
+    double enter = ((direction < 0 ? high : low) - origin) * inverse;
+    double leave = ((direction < 0 ? low : high) - origin) * inverse;
+    if (enter > *t0) *t0 = enter;
+    if (leave < *t1) *t1 = leave;
+    return *t0 <= *t1;
+}
+
+// Height over the surface where the ray begins.
+static double first_clearance(const struct truth_surface *surface, const struct ray *ray, double t0)
+{
+    double place[2];
+    int64_t at[2];
+    for (int k = 0; k < 2; k++) {
+        place[k] = clamp(plane_place(ray, k, t0), surface->clip[k], surface->clip[k + 2]);
+        at[k] = (int64_t)place[k];
+        if (at[k] >= surface->cells[k]) at[k] = surface->cells[k] - 1;
+    }
+    struct cell cell = read_cell(surface, at);
+    return plane_place(ray, 2, t0) - cell_height(&cell, place[0], place[1]);
+}
+
+// In cells and quanta, from t0 on.
+static bool cast(const struct truth_surface *surface, const double origin[3], const double direction[3],
+                 double t0, struct hit *hit)
+{
+    double t1 = HUGE_VAL;
+    if (surface->cells[0] < 1 || surface->cells[1] < 1) return false; // a line of samples has no triangles
+    // One quantum to spare: a ray that is cut here is above all ground where it begins and below all where it
+    // ends.
+    if (!narrow(origin[2], direction[2], surface->min_q - 1, surface->max_q + 1, &t0, &t1)) return false;
+    for (int k = 0; k < 2; k++)
+        if (!narrow(origin[k], direction[k], surface->clip[k], surface->clip[k + 2], &t0, &t1)) return false;
+    if (!(t1 < HUGE_VAL)) return false; // no direction at all
+    struct ray ray = make_ray(origin, direction);
+    if (first_clearance(surface, &ray, t0) < 0) return false;
+    return walk(&plane, surface, &ray, t0, t1, hit);
+}
+
+// ---- the surface
+// ---------------------------------------------------------------------------------------------------
+
+// A place of the outline in cells.  Where it is a grid line up to rounding it is that line.
+static double clip_cells(double place_m, double spacing_m, int64_t first, int64_t cells)
+{
+    double index = place_m / spacing_m, line = nearbyint(index);
+    if (fabs(index - line) <= 4 * DBL_EPSILON * fabs(index)) index = line;
+    return clamp(index - (double)first, 0, (double)cells);
+}
+
+static bool read_samples(struct truth_surface *surface, const struct terrain_extent *extent)
+{
+    surface->samples = terrain_samples(surface->terrain, surface->finest, &surface->stride);
+    if (surface->samples) return true;
+    int64_t width = extent->x1 - extent->x0, height = extent->y1 - extent->y0;
+    surface->copy = malloc((size_t)(width * height) * sizeof *surface->copy);
+    if (!surface->copy) return false;
+    surface->samples = surface->copy;
+    surface->stride = (size_t)width;
+    return terrain_window(surface->terrain, surface->finest, extent->x0, extent->y0, (int)width, (int)height,
+                          surface->copy, TERRAIN_WAIT);
+}
+
+struct truth_surface *truth_surface_create(const struct terrain *terrain)
+{
+    const struct terrain_info *info = terrain_info(terrain);
+    if (info->datum != TERRAIN_PLANE) {
+        fail("terrain %s: the ray caster reads terrain on a plane, not on a sphere", info->name);
+        return NULL;
+    }
+    struct terrain_level level = terrain_level(terrain, info->finest);
+    const struct terrain_extent *extent = &level.extent;
+    struct truth_surface *surface = calloc(1, sizeof *surface);
+    if (surface) {
+        surface->terrain = terrain;
+        surface->extrema = terrain_extrema(terrain);
+        surface->finest = info->finest;
+    }
+    if (!surface || !read_samples(surface, extent)) {
+        fail("terrain %s: no memory for the ray caster", info->name);
+        truth_surface_destroy(surface);
+        return NULL;
+    }
+    for (int k = 0; k < 2; k++) {
+        surface->first[k] = k ? extent->y0 : extent->x0;
+        surface->cells[k] = (k ? extent->y1 : extent->x1) - surface->first[k] - 1;
+        surface->spacing_m[k] = level.spacing_m[k];
+        for (int end = 0; end < 4; end += 2)
+            surface->clip[end + k] = clip_cells(info->outline_m[end + k], level.spacing_m[k],
+                                                surface->first[k], surface->cells[k]);
+    }
+    surface->quantum_m = info->quantum_m;
+    surface->offset_m = info->offset_m;
+    surface->min_q = level.min_q;
+    surface->max_q = level.max_q;
+    return surface;
+}
+
+void truth_surface_destroy(struct truth_surface *surface)
+{
+    if (!surface) return;
+    free(surface->copy);
+    free(surface);
+}
+
+// ---- a picture
+// -----------------------------------------------------------------------------------------------------
+
+bool truth_init(struct truth *truth, int width, int height)
+{
+    *truth = (struct truth){.width = width, .height = height};
+    truth->pixels = calloc((size_t)width * (size_t)height, sizeof *truth->pixels);
+    truth->row_first = calloc((size_t)height + 1, sizeof *truth->row_first);
+    if (truth->pixels && truth->row_first) return true;
+    truth_finish(truth);
+    return fail("--size %dx%d: no memory for a picture of this size", width, height);
+}
+
+void truth_finish(struct truth *truth)
+{
+    free(truth->pixels);
+    free(truth->row_first);
+    *truth = (struct truth){0};
+}
+
+struct casting {
+    struct truth *truth;
+    const struct truth_surface *surface;
+    const struct view *view;
+    double origin[3]; // the eye, in cells and quanta
+};
+
+static bool cast_pixel(const struct casting *c, int x, int y, struct truth_pixel *pixel)
+{
+    const struct truth_surface *s = c->surface;
+    double ray_m[3];
+    struct hit hit;
+    view_ray(c->view, x, y, ray_m);
+    double ray[3] = {ray_m[0] / s->spacing_m[0], ray_m[1] / s->spacing_m[1], ray_m[2] / s->quantum_m};
+    if (!cast(s, c->origin, ray, c->view->near_m, &hit)) {
+        *pixel = (struct truth_pixel){0};
+        return false;
+    }
+    pixel->depth = hit.t;
+    pixel->relative[0] = hit.t * ray_m[0];
+    pixel->relative[1] = hit.t * ray_m[1];
+    pixel->relative[2] = (hit.height_q - c->origin[2]) * s->quantum_m;
+    for (int k = 0; k < 2; k++) pixel->slope[k] = (float)(hit.slope_q[k] * s->quantum_m / s->spacing_m[k]);
+    return true;
+}
+
+static void cast_rows(int block, void *user)
+{
+    const struct casting *c = user;
+    struct truth *truth = c->truth;
+    int end = (block + 1) * ROWS_A_BLOCK;
+    if (end > truth->height) end = truth->height;
+    for (int y = block * ROWS_A_BLOCK; y < end; y++) {
+        size_t ground = 0;
+        for (int x = 0; x < truth->width; x++)
+            ground += cast_pixel(c, x, y, &truth->pixels[(size_t)y * (size_t)truth->width + (size_t)x]);
+        truth->row_first[y + 1] = ground;
+    }
+}
+
+void truth_cast(struct truth *truth, const struct truth_surface *surface, const struct view *view,
+                int threads)
+{
+    struct casting casting = {truth, surface, view, {0}};
+    // The lattice gives the eye exactly, however far from the origin the map lies.
+    struct view_origin origin = view_level_origin(view, surface->finest);
+    for (int k = 0; k < 2; k++)
+        casting.origin[k] = (double)(origin.base[k] - surface->first[k]) + (double)origin.fraction[k];
+    casting.origin[2] = ldexp((double)view->eye_height, -VIEW_HEIGHT_BITS);
+    parallel_blocks((truth->height + ROWS_A_BLOCK - 1) / ROWS_A_BLOCK, threads, cast_rows, &casting);
+    truth->row_first[0] = 0;
+    for (int y = 0; y < truth->height; y++) truth->row_first[y + 1] += truth->row_first[y];
+    truth->ground = truth->row_first[truth->height];
+}
+
+bool truth_cast_ray(const struct truth_surface *surface, const double eye_m[3], const double direction[3],
+                    double *t, float slope[2])
+{
+    const double unit_m[3] = {surface->spacing_m[0], surface->spacing_m[1], surface->quantum_m};
+    double origin[3], ray[3];
+    struct hit hit;
+    for (int k = 0; k < 3; k++) {
+        origin[k] = k < 2 ? eye_m[k] / unit_m[k] - (double)surface->first[k]
+                          : (eye_m[2] - surface->offset_m) / unit_m[2];
+        ray[k] = direction[k] / unit_m[k];
+    }
+    if (!cast(surface, origin, ray, 0, &hit)) return false;
+    *t = hit.t;
+    for (int k = 0; k < 2; k++) slope[k] = (float)(hit.slope_q[k] * surface->quantum_m / unit_m[k]);
+    return true;
+}
