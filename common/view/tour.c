@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-enum { TOUR_KEYS = 13, SEEK = 4 };
+enum { TOUR_KEYS = 9, SEEK = 4 };
 
 struct land {
     const struct terrain *terrain;
@@ -37,22 +37,18 @@ static struct land survey(const struct terrain *terrain)
     return land;
 }
 
-// Moves a place to low ground nearby; far is dear, so that flat land leaves the place where it is.
-static void seek_valley(const struct land *land, double place[2])
+// Moves a place to low ground to its left or right; far is dear, so that flat land leaves the place where it
+// is.
+static void seek_valley(const struct land *land, double place[2], int across)
 {
-    double reach = 0.04 * land->size_m, best = INFINITY, found[2] = {place[0], place[1]};
-    for (int j = -SEEK; j <= SEEK; j++)
-        for (int i = -SEEK; i <= SEEK; i++) {
-            double x = place[0] + reach * i / SEEK, y = place[1] + reach * j / SEEK;
-            double far = (double)(i * i + j * j) / (SEEK * SEEK);
-            double cost = land_ground(land, x, y) + 4 * land->low_m * far;
-            if (!(cost < best)) continue;
-            best = cost;
-            found[0] = x;
-            found[1] = y;
-        }
-    place[0] = found[0];
-    place[1] = found[1];
+    double reach = 0.03 * land->size_m, best = INFINITY, from = place[across], found = from;
+    for (int i = -SEEK; i <= SEEK; i++) {
+        place[across] = from + reach * i / SEEK;
+        double far = (double)(i * i) / (SEEK * SEEK);
+        double cost = land_ground(land, place[0], place[1]) + 4 * land->low_m * far;
+        if (cost < best) best = cost, found = place[across];
+    }
+    place[across] = found;
 }
 
 // Height of the flight between low (0) and overview (1), along its way.
@@ -69,11 +65,25 @@ static void place_key(const struct land *land, double way, struct path_key *key,
     int along = side[0] >= side[1] ? 0 : 1, across = 1 - along;
     double place[2];
     place[along] = outline[along] + (0.12 + 0.76 * way) * side[along];
-    place[across] = outline[across] + (0.5 - 0.22 * sin(2 * M_PI * way)) * side[across];
-    if (climb == 0) seek_valley(land, place);
+    place[across] = outline[across] + (0.5 - 0.1 * sin(2 * M_PI * way)) * side[across];
+    if (climb == 0) seek_valley(land, place, across);
     double low = land_ground(land, place[0], place[1]) + land->low_m;
     *key = (struct path_key){
         .x_m = place[0], .y_m = place[1], .height_m = low + climb * (land->overview_m - low)};
+}
+
+// Looks where the flight goes, a little less restless than the flight itself.
+static void look_ahead(struct path_key *keys)
+{
+    double course[TOUR_KEYS];
+    for (int i = 0; i < TOUR_KEYS; i++) {
+        const struct path_key *from = &keys[i ? i - 1 : 0], *to = &keys[i + 1 < TOUR_KEYS ? i + 1 : i];
+        course[i] = atan2(to->y_m - from->y_m, to->x_m - from->x_m);
+    }
+    for (int i = 0; i < TOUR_KEYS;
+         i++) // a flight along one axis never turns back: courses need no unwrapping
+        keys[i].yaw =
+            0.25 * course[i ? i - 1 : 0] + 0.5 * course[i] + 0.25 * course[i + 1 < TOUR_KEYS ? i + 1 : i];
 }
 
 struct path *path_for_terrain(const struct terrain *terrain, int frames, double fov_vertical)
@@ -86,9 +96,6 @@ struct path *path_for_terrain(const struct terrain *terrain, int frames, double 
         place_key(&land, way, &keys[i], climb);
         keys[i].pitch = level_pitch + climb * (down_pitch - level_pitch);
     }
-    for (int i = 0; i < TOUR_KEYS; i++) { // look where the flight goes
-        const struct path_key *from = &keys[i ? i - 1 : 0], *to = &keys[i + 1 < TOUR_KEYS ? i + 1 : i];
-        keys[i].yaw = atan2(to->y_m - from->y_m, to->x_m - from->x_m);
-    }
+    look_ahead(keys);
     return path_from_keys(terrain, keys, TOUR_KEYS, frames, 0.6 * land.low_m, fov_vertical);
 }
