@@ -53,7 +53,7 @@ static void fill_table(struct options *o, const struct renderer_type *type)
          .value = &o->terrain},
         {.name = "backend",
          .metavar = "WORD",
-         .help = "auto|glfw|egl|osmesa (auto: a window where a display is)",
+         .help = "way to OpenGL (auto: a window where there is a display)",
          .kind = CLI_TEXT,
          .value = &o->backend,
          .choices = "auto|glfw|egl|osmesa"},

@@ -2,14 +2,15 @@
 #if defined(PASS_SHADED)
 layout(location = 0) out vec4 colour;
 
+// Green valleys, dry slopes, grey rock, snow.
 vec3 ramp(float t)
 {
-    const vec3 valley = vec3(0.36, 0.50, 0.36), meadow = vec3(0.64, 0.68, 0.45), slope = vec3(0.78, 0.67, 0.48);
-    const vec3 rock = vec3(0.60, 0.53, 0.48), snow = vec3(0.97, 0.97, 0.98);
-    vec3 c = mix(valley, meadow, clamp(t / 0.22, 0.0, 1.0));
-    c = mix(c, slope, clamp((t - 0.22) / 0.25, 0.0, 1.0));
-    c = mix(c, rock, clamp((t - 0.47) / 0.25, 0.0, 1.0));
-    return mix(c, snow, clamp((t - 0.72) / 0.22, 0.0, 1.0));
+    const vec3 valley = vec3(0.34, 0.52, 0.38), meadow = vec3(0.66, 0.70, 0.46), slope = vec3(0.82, 0.70, 0.50);
+    const vec3 rock = vec3(0.66, 0.58, 0.53), snow = vec3(1.0, 1.0, 1.0);
+    vec3 c = mix(valley, meadow, clamp(t * 3.2, 0.0, 1.0));
+    c = mix(c, slope, clamp((t - 0.31) * 4.0, 0.0, 1.0));
+    c = mix(c, rock, clamp((t - 0.56) * 5.0, 0.0, 1.0));
+    return mix(c, snow, clamp((t - 0.76) * 6.0, 0.0, 1.0));
 }
 
 void main()
@@ -18,10 +19,10 @@ void main()
     vec3 normal = cross(dFdx(v_relative), dFdy(v_relative));
     if (outside_map()) discard;
     normal *= inversesqrt(max(dot(normal, normal), 1e-30)) * (normal.z < 0.0 ? -1.0 : 1.0);
-    const vec3 to_sun = vec3(-0.5, 0.5, 0.70710678); // north-west, 45 degrees high
-    vec3 light = vec3(0.34, 0.38, 0.45) + vec3(0.86, 0.82, 0.74) * max(dot(normal, to_sun), 0.0);
+    const vec3 to_sun = vec3(-0.58, 0.58, 0.57); // north-west, 35 degrees high
+    vec3 light = vec3(0.30, 0.35, 0.44) + vec3(1.05, 0.99, 0.88) * max(dot(normal, to_sun), 0.0);
     float t = (v_relative.z + height.w - shade.x) * shade.y;
-    colour = vec4(ramp(t) * light, 1.0);
+    colour = vec4(ramp(sqrt(clamp(t, 0.0, 1.0))) * light, 1.0); // the root spreads the lowlands, where most ground is
 }
 #elif defined(PASS_POSITION)
 layout(location = 0) out vec4 position_and_side;
