@@ -3,6 +3,7 @@
 
 #include "common/image.h"
 #include "common/report.h"
+#include "common/terrain/heightfield_gdal.h"
 #include "common/terrain/sidecar.h"
 
 #include <errno.h>
@@ -13,7 +14,6 @@
 #include <string.h>
 #include <strings.h>
 
-static const double EARTH_RADIUS_M = 6371007.2; // the sphere of the same area
 static const double DEGREE = 0.017453292519943295;
 
 // ---- names
@@ -48,6 +48,7 @@ static void *read_whole(const char *path, const char *expected, size_t *size)
     unsigned char *data = NULL;
     long length = -1;
     if (file && fseek(file, 0, SEEK_END) == 0) length = ftell(file);
+    if (length == LONG_MAX) errno = EISDIR;
     if (length >= 0 && length < LONG_MAX && fseek(file, 0, SEEK_SET) == 0) data = malloc((size_t)length + 1);
     if (data && fread(data, 1, (size_t)length, file) != (size_t)length) {
         free(data);
@@ -78,12 +79,17 @@ void heightfield_finish(struct heightfield *field)
 // ---- 16-bit samples
 // ---------------------------------------------------------------------------------------------------
 
+bool heightfield_is_void(double raw, bool has_nodata, double nodata)
+{
+    return !isfinite(raw) || fabs(raw) >= 1e30 || raw == -32768 || raw == -9999 ||
+           (has_nodata && raw == nodata);
+}
+
 static int32_t decode(uint16_t raw, const struct sidecar *sidecar)
 {
-    int32_t value = sidecar->type == SIDECAR_INT16 ? (int16_t)raw : (int32_t)raw;
-    bool is_void = sidecar->has_nodata && (double)value == sidecar->nodata;
-    if (sidecar->type == SIDECAR_INT16) is_void |= value == -32768 || value == -9999;
-    return is_void ? HEIGHTFIELD_VOID : value;
+    int32_t value =
+        sidecar->type == SIDECAR_INT16 ? (int16_t)raw : (int32_t)raw; // unsigned: never -32768 or -9999
+    return heightfield_is_void(value, sidecar->has_nodata, sidecar->nodata) ? HEIGHTFIELD_VOID : value;
 }
 
 static void describe(struct heightfield *field, const struct sidecar *sidecar)
@@ -91,7 +97,6 @@ static void describe(struct heightfield *field, const struct sidecar *sidecar)
     memcpy(field->spacing_m, sidecar->spacing_m, sizeof field->spacing_m);
     field->quantum_m = sidecar->height_scale;
     field->offset_m = sidecar->height_offset;
-    field->side_bytes = sidecar->bytes;
 }
 
 // Rows from north to south, as files have them, to rows from south to north.
@@ -179,7 +184,7 @@ static bool load_hgt(struct heightfield *field, const char *path)
     struct sidecar sidecar = sidecar_default();
     sidecar.type = SIDECAR_INT16;
     if (good) {
-        double step_m = EARTH_RADIUS_M * DEGREE / (double)(side - 1); // a tile is one degree
+        double step_m = HEIGHTFIELD_EARTH_RADIUS_M * DEGREE / (double)(side - 1); // a tile is one degree
         sidecar.spacing_m[0] = step_m * cos((south + 0.5) * DEGREE);
         sidecar.spacing_m[1] = step_m;
         if (!placed) sidecar.spacing_m[0] = step_m;
@@ -207,9 +212,8 @@ static uint32_t read_word(const unsigned char *at, int bytes, bool big_endian)
 
 static double float_height(float value, const struct sidecar *sidecar)
 {
-    // No height in any unit is 1e30; files that mark voids with the lowest float often do not say so.
-    bool is_void = !isfinite(value) || fabsf(value) >= 1e30f || value == -32768 || value == -9999 ||
-                   (sidecar->has_nodata && value == (float)sidecar->nodata);
+    double nodata = (double)(float)sidecar->nodata; // as the file can hold it
+    bool is_void = heightfield_is_void((double)value, sidecar->has_nodata, nodata);
     return is_void ? (double)NAN : (double)value * sidecar->height_scale + sidecar->height_offset;
 }
 
@@ -226,7 +230,7 @@ static bool take_floats(struct heightfield *field, const char *path, const unsig
             memcpy(&value, &word, sizeof value);
             height_m[(field->height - 1 - y) * field->width + x] = float_height(value, sidecar);
         }
-    bool good = heightfield_quantise(field, height_m);
+    bool good = heightfield_quantise(field, height_m, HEIGHTFIELD_FLOAT_BITS);
     free(height_m);
     return good;
 }
@@ -271,9 +275,9 @@ static bool load_raw(struct heightfield *field, const char *path)
 // ---- floats to integers
 // -------------------------------------------------------------------------------------------------
 
-bool heightfield_quantise(struct heightfield *field, const double *height_m)
+bool heightfield_quantise(struct heightfield *field, const double *height_m, int bits)
 {
-    enum { MOST_BITS = 20, FINEST = -20 };
+    enum { FINEST = -20 };
     size_t count = (size_t)field->width * (size_t)field->height;
     double low = INFINITY, high = -INFINITY;
     for (size_t i = 0; i < count; i++) {
@@ -285,8 +289,8 @@ bool heightfield_quantise(struct heightfield *field, const double *height_m)
     field->offset_m = !any ? 0 : flat ? low : rint(low + (high - low) / 2);
     double reach = any ? fmax(high - field->offset_m, field->offset_m - low) : 0;
     int exponent = FINEST;
-    if (reach > 0) frexp(reach, &exponent); // reach < 2^exponent
-    exponent = exponent - MOST_BITS > FINEST ? exponent - MOST_BITS : FINEST;
+    if (reach > 0 && frexp(reach, &exponent) == 0.5) exponent--; // reach <= 2^exponent
+    exponent = exponent - bits > FINEST ? exponent - bits : FINEST;
     field->quantum_m = ldexp(1, exponent);
     if (!allocate(field, field->name)) return false;
     for (size_t i = 0; i < count; i++)

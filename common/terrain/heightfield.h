@@ -23,13 +23,14 @@
 #include <stdint.h>
 
 #define HEIGHTFIELD_VOID INT32_MIN
+#define HEIGHTFIELD_EARTH_RADIUS_M 6371007.2 // the sphere of the same area
+enum { HEIGHTFIELD_FLOAT_BITS = 20 };        // of quantised floats
 
 struct heightfield {
     char name[64]; // of the file, without folder and ending
     int64_t width, height;
     int32_t *samples; // owned; quanta, row 0 south, HEIGHTFIELD_VOID where void
     double spacing_m[2], quantum_m, offset_m;
-    size_t side_bytes; // of the sidecar
 };
 
 // False after one line on stderr; the heightfield is then empty.
@@ -39,15 +40,20 @@ bool heightfield_load(struct heightfield *field, const char *path);
 bool heightfield_load_memory(struct heightfield *field, const char *path, const void *png, size_t png_size,
                              const char *sidecar, size_t sidecar_size);
 
-// Takes heights in metres, row 0 south, NaN where void, and chooses a quantum (a power of two) and an offset
-// (whole metres, or the height itself when all are equal) so that |q| <= 2^20.  Sets samples, quantum_m and
-// offset_m.
-bool heightfield_quantise(struct heightfield *field, const double *height_m);
+// Takes heights in metres, row 0 south, not finite where void, and chooses a quantum (a power of two) and an
+// offset (whole metres, or the height itself when all are equal) so that |q| <= 2^bits.  Sets samples,
+// quantum_m and offset_m.
+bool heightfield_quantise(struct heightfield *field, const double *height_m, int bits);
 
 // Writes OUT.png (16-bit grey) and OUT.json; voids are written as a declared nodata.  Both are whole or
-// absent.  Heights that span more than 65,535 quanta are rounded to a coarser step, with a note.  `origin`
-// goes into the sidecar's "source".
+// absent.  Heights that span more than 16 bits are rounded to a coarser step, with a note.  `origin` becomes
+// the sidecar's "source".
 bool heightfield_save(const struct heightfield *field, const char *path, const char *origin);
+
+// Whether a raw sample of a signed or floating type is void, whatever is declared: NaN, infinities, -32768,
+// -9999 and what no height in any unit reaches (1e30: files that mark voids with the lowest float often do
+// not say so).
+bool heightfield_is_void(double raw, bool has_nodata, double nodata);
 
 void heightfield_finish(struct heightfield *field); // accepts a zeroed struct
 

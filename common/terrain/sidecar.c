@@ -113,7 +113,6 @@ static bool read_keys(const cJSON *root, const char *path, struct sidecar *sidec
 bool sidecar_parse(struct sidecar *sidecar, const char *path, const char *text, size_t size)
 {
     *sidecar = sidecar_default();
-    sidecar->bytes = size;
     cJSON *root = cJSON_ParseWithLength(text, size);
     bool good = read_keys(root, path, sidecar);
     cJSON_Delete(root);

@@ -14,7 +14,6 @@ struct sidecar {
     bool has_type, big_endian, has_nodata;
     int64_t width, height; // 0: not said
     double spacing_m[2], height_scale, height_offset, nodata;
-    size_t bytes; // length of the text
 };
 
 // What holds for a file without a sidecar: unsigned, 30 m between samples, a metre a step.
