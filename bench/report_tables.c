@@ -1,0 +1,546 @@
+// The report's tables: time at equal error and error at equal time, steadiness, every run, and every number
+// that is missing. SPDX-License-Identifier: MIT
+#include "bench/report_parts.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+void page_renderer(struct text *page, const struct report_renderer *renderer)
+{
+    text_add(page, "<span class=\"who\" style=\"--c:%s\">", renderer->colour);
+    text_add_escaped(page, renderer->name);
+    text_add(page, "</span>");
+}
+
+static void add_run_name(struct text *page, const struct report *report, const struct report_run *run)
+{
+    text_add(page, "<span class=\"who\" style=\"--c:%s\">", report->renderers[run->renderer].colour);
+    text_add_escaped(page, run->name);
+    text_add(page, json_true(run->json, "uncertain") ? "</span>\u2020" : "</span>");
+}
+
+// ---- equal error, equal time --------------------------------------------------------------------
+
+static bool stands_in_tables(const struct report_renderer *renderer)
+{
+    return renderer->point_count > 0 && (renderer->role == ROLE_METHOD || renderer->role == ROLE_DECIMATED);
+}
+
+static void add_standing(struct text *page, const struct standing *standing, enum report_table table,
+                         bool best)
+{
+    char value[NUMBER_TEXT], low[NUMBER_TEXT], high[NUMBER_TEXT];
+    if (standing->kind != STANDING_AT) {
+        static const char *const why[2][4] = {
+            {"", "never that fine", "finer at every setting", "\u2013"},
+            {"", "dearer at every setting", "never that dear", "\u2013"},
+        };
+        text_add(page, "<td class=\"off\">%s</td>", why[table][standing->kind]);
+        return;
+    }
+    text_add(page, "<td%s>%s", best ? " class=\"best\"" : "", number_text(standing->value, value));
+    if (isfinite(standing->low))
+        text_add(page, "<small>[%s, %s]</small>", number_text(standing->low, low),
+                 number_text(standing->high, high));
+    text_add(page, "</td>");
+}
+
+static void add_winner(const struct report *report, const cJSON *row, enum report_table table,
+                       struct standing *standings, struct text *page)
+{
+    int count = report_standings(report, row, table, standings), tied = 1;
+    while (tied < count && !report_clearly_better(&standings[0], &standings[tied])) tied++;
+    text_add(page, "<td class=\"word\">");
+    if (count == 0)
+        text_add(page, "\u2013");
+    else if (count > 1 && tied > 1)
+        text_add(page, "cannot tell");
+    else
+        page_renderer(page, standings[0].renderer);
+    text_add(page, "</td>");
+}
+
+static void add_equal_table(const struct report *report, enum report_table table, struct text *page)
+{
+    bool error = table == EQUAL_ERROR;
+    const cJSON *rows = json_at(report->root, error ? "equal_error" : "equal_time"), *row;
+    struct standing *standings = calloc((size_t)report->renderer_count + 1, sizeof *standings);
+    char number[NUMBER_TEXT];
+    text_add(page, "<div class=\"half\"><h3>%s</h3>", error ? "Time at equal error" : "Error at equal time");
+    if (!standings || !cJSON_IsArray(rows) || cJSON_GetArraySize(rows) == 0) {
+        text_add(page, "<p>Not measured: it takes at least two settings of a renderer.</p></div>");
+        free(standings);
+        return;
+    }
+    text_add(page, "<div class=\"scroll\"><table><thead><tr><th>%s</th>", error ? "px, p99.9" : "ms, median");
+    for (int i = 0; i < report->renderer_count; i++) {
+        if (!stands_in_tables(&report->renderers[i])) continue;
+        text_add(page, "<th>");
+        page_renderer(page, &report->renderers[i]);
+        text_add(page, "%s</th>", error ? "<small>ms</small>" : "<small>px</small>");
+    }
+    text_add(page, "<th class=\"word\">%s</th></tr></thead><tbody>",
+             error ? "fastest method" : "most accurate");
+    cJSON_ArrayForEach(row, rows)
+    {
+        text_add(page, "<tr><th>%s</th>", number_text(json_number(row, error ? "at_px" : "at_ms"), number));
+        int count = report_standings(report, row, table, standings);
+        bool clear = count == 1 || (count > 1 && report_clearly_better(&standings[0], &standings[1]));
+        const struct report_renderer *first = clear ? standings[0].renderer : NULL;
+        for (int i = 0; i < report->renderer_count; i++) {
+            if (!stands_in_tables(&report->renderers[i])) continue;
+            struct standing standing = report_standing(&report->renderers[i], row, table);
+            add_standing(page, &standing, table, &report->renderers[i] == first);
+        }
+        add_winner(report, row, table, standings, page);
+        text_add(page, "</tr>");
+    }
+    text_add(page, "</tbody></table></div></div>\n");
+    free(standings);
+}
+
+// The field's figure: time as a share of brute's, at equal mean error.  Absent where no renderer meets those
+// errors.
+static void add_against_brute(const struct report *report, struct text *page)
+{
+    const cJSON *rows = json_at(report->root, "against_brute"), *row;
+    char number[NUMBER_TEXT];
+    bool any = false;
+    if (!cJSON_IsArray(rows)) return;
+    cJSON_ArrayForEach(row, rows) for (int i = 0; i < report->renderer_count; i++) any |=
+        isfinite(json_number(row, report->renderers[i].name));
+    if (!any) return;
+    text_add(page,
+             "<h3>Against the whole mesh</h3><p>Frame time as a share of brute\u2019s, at equal <b>mean</b> "
+             "error: the figure that other terrain renderers are compared by.</p>"
+             "<div class=\"scroll\"><table><thead><tr><th>px, mean</th>");
+    for (int i = 0; i < report->renderer_count; i++) {
+        if (!stands_in_tables(&report->renderers[i])) continue;
+        text_add(page, "<th>");
+        page_renderer(page, &report->renderers[i]);
+        text_add(page, "</th>");
+    }
+    text_add(page, "</tr></thead><tbody>");
+    cJSON_ArrayForEach(row, rows)
+    {
+        text_add(page, "<tr><th>%s</th>", number_text(json_number(row, "at_mean_px"), number));
+        for (int i = 0; i < report->renderer_count; i++)
+            if (stands_in_tables(&report->renderers[i]))
+                text_add(page, "<td>%s</td>",
+                         number_text(json_number(row, report->renderers[i].name), number));
+        text_add(page, "</tr>");
+    }
+    text_add(page, "</tbody></table></div>\n");
+}
+
+void report_equal_tables(const struct report *report, struct text *page)
+{
+    text_add(page, "<div class=\"halves\">");
+    add_equal_table(report, EQUAL_ERROR, page);
+    add_equal_table(report, EQUAL_TIME, page);
+    text_add(page, "</div><p class=\"note\">Read off the curves between the two settings around each value. "
+                   "In brackets the "
+                   "95\u00a0%% interval. A method is called best only where the intervals are apart and the "
+                   "values differ "
+                   "by 5\u00a0%% or more; else the table says \u201ccannot tell\u201d.</p>\n");
+    add_against_brute(report, page);
+}
+
+// ---- tables of runs -----------------------------------------------------------------------------
+
+enum kind { NUMBER, WHOLE, BYTES, PERCENT, INTERVAL, CLAIM, ROOFLINE, COUNTERS };
+
+struct column {
+    const char *heading, *unit, *value; // value: dotted name in the run
+    enum kind kind;
+    const char *meaning; // what hovering over the heading shows
+};
+
+static const struct column time_columns[] = {
+    {"median", "ms", "frame_ms.median", NUMBER, "frame_ms: whole frame with the pipeline finished"},
+    {"95\u00a0% interval", "ms", "frame_ms.ci95", INTERVAL, "of the median, block bootstrap over repeats"},
+    {"p95", "ms", "frame_ms.p95", NUMBER, "95 of 100 frames take no longer"},
+    {"p99", "ms", "frame_ms.p99", NUMBER, "99 of 100 frames take no longer"},
+    {"max", "ms", "frame_ms.max", NUMBER, "slowest frame of the path"},
+    {"update", "ms", "update_ms.median", NUMBER, "selection and upload, median"},
+    {"draw", "ms", "draw_ms.median", NUMBER, "draw calls until the pipeline is finished, median"},
+    {"wall", "ms", "wall_ms.median", NUMBER, "wall clock of the frame, median"},
+    {"worker", "ms", "worker_ms.median", NUMBER, "CPU time of other threads, median"},
+    {"GPU", "ms", "gpu_ms", NUMBER, "from timer queries, median"},
+    {"draw / roofline", "\u00d7", "roofline_ms.draw_ratio", ROOFLINE,
+     "draw over the plainest possible draw of the same triangles"},
+    {"throughput", "ms", "throughput_ms", NUMBER, "with two frames in flight, median"},
+    {"frames/s", "", "fps", NUMBER, "frames over their time"},
+    {"frames", "", "frames", WHOLE, "frames of the path that it flew"},
+    {NULL, NULL, NULL, NUMBER, NULL},
+};
+
+static const struct column error_columns[] = {
+    {"mean", "px", "error_px.mean", NUMBER, "error_px over all pixels of all frames"},
+    {"p99", "px", "error_px.p99", NUMBER, "99 of 100 pixels err no more"},
+    {"p99.9", "px", "error_px.p999", NUMBER, "999 of 1000 pixels err no more"},
+    {"max", "px", "error_px.max", NUMBER, "worst pixel of the path"},
+    {"over 1\u00a0px", "%", "error_px.share_over_1px", PERCENT, "share of pixels that err by more than 1 px"},
+    {"plane", "px", "plane_px.p999", NUMBER, "plane_px p99.9: point to plane distance"},
+    {"temporal", "px", "temporal_px.p999", NUMBER, "temporal_px p99.9: popping and swimming between frames"},
+    {"claimed", "px", "claimed_px", CLAIM, "largest error that the method itself promises"},
+    {"broken", "frames", "claim_broken_frames", WHOLE, "frames whose error exceeds the claim"},
+    {"holes", "px", "holes.total", WHOLE, "undrawn ground inside the terrain, all frames together: a defect"},
+    {"misses", "%", "misses.share", PERCENT, "undrawn ground at the skyline, share of the ground"},
+    {"spills", "%", "spills.share", PERCENT, "drawn where the truth has sky, share of the ground"},
+    {NULL, NULL, NULL, NUMBER, NULL},
+};
+
+static const struct column work_columns[] = {
+    {"triangles", "mean", "triangles.mean", WHOLE, "submitted in a frame"},
+    {"", "max", "triangles.max", WHOLE, "submitted in a frame"},
+    {"visible", "mean", "visible_triangles.mean", WHOLE,
+     "less degenerate ones and those outside the frustum"},
+    {"draw calls", "mean", "draw_calls.mean", NUMBER, "in a frame"},
+    {"upload", "mean", "upload_bytes.mean", BYTES, "bytes sent to the GL in a frame"},
+    {"", "max", "upload_bytes.max", BYTES, "bytes sent to the GL in a frame"},
+    {"resident", "", "resident_bytes", BYTES, "held in buffers and textures"},
+    {"of its own", "mean a frame", "counters", COUNTERS, "figures of the method's own"},
+    {NULL, NULL, NULL, NUMBER, NULL},
+};
+
+// A number, or what stands for the whole where the value is a summary: its median, else its mean.
+static double run_value(const cJSON *run, const char *name)
+{
+    const cJSON *found = json_at(run, name);
+    if (!cJSON_IsObject(found)) return json_number(run, name);
+    double median = json_number(found, "median");
+    return isfinite(median) ? median : json_number(found, "mean");
+}
+
+// Median of the frames' own ratios when it was recorded, else the ratio of the medians.
+static double roofline_ratio(const cJSON *run)
+{
+    double ratio = json_number(run, "roofline_ms.draw_ratio");
+    return isfinite(ratio) ? ratio
+                           : json_number(run, "draw_ms.median") / json_number(run, "roofline_ms.median");
+}
+
+static bool measured(const cJSON *run, const struct column *column)
+{
+    if (column->kind == CLAIM) return true;
+    if (column->kind == INTERVAL) return cJSON_IsArray(json_at(run, column->value));
+    if (column->kind == COUNTERS) return cJSON_GetArraySize(json_at(run, column->value)) > 0;
+    if (column->kind == ROOFLINE) return isfinite(roofline_ratio(run));
+    return isfinite(run_value(run, column->value));
+}
+
+static bool column_shown(const struct report *report, const struct column *column)
+{
+    for (int i = 0; i < report->run_count; i++)
+        if (measured(report->runs[i].json, column)) return true;
+    return false;
+}
+
+static void add_interval(const cJSON *interval, struct text *page)
+{
+    char low[NUMBER_TEXT], high[NUMBER_TEXT];
+    const cJSON *array = cJSON_IsArray(interval) ? interval : NULL;
+    double from = json_number(cJSON_GetArrayItem(array, 0), ""),
+           to = json_number(cJSON_GetArrayItem(array, 1), "");
+    if (isfinite(from) && isfinite(to))
+        text_add(page, "[%s, %s]", number_text(from, low), number_text(to, high));
+    else
+        text_add(page, "\u2013");
+}
+
+static void add_counters(const cJSON *counters, struct text *page)
+{
+    const cJSON *counter;
+    char number[NUMBER_TEXT];
+    int written = 0;
+    if (!cJSON_IsObject(counters))
+        text_add(page, "\u2013");
+    else
+        cJSON_ArrayForEach(counter, counters)
+        {
+            if (written++) text_add(page, " \u00b7 ");
+            text_add_escaped(page, counter->string);
+            text_add(page, " %s", number_text(json_number(counter, ""), number));
+        }
+}
+
+static void add_cell(const cJSON *run, const struct column *column, struct text *page)
+{
+    char number[NUMBER_TEXT];
+    double value = run_value(run, column->value);
+    text_add(page, column->kind == COUNTERS ? "<td class=\"word\">" : "<td>");
+    switch (column->kind) {
+    case NUMBER:
+        text_add(page, "%s", number_text(value, number));
+        break;
+    case WHOLE:
+        text_add(page, "%s", count_text(value, number));
+        break;
+    case BYTES:
+        text_add(page, "%s", bytes_text(value, number));
+        break;
+    case PERCENT:
+        text_add(page, "%s", number_text(value * 100, number));
+        break;
+    case INTERVAL:
+        add_interval(json_at(run, column->value), page);
+        break;
+    case CLAIM:
+        text_add(page, "%s", isfinite(value) ? number_text(value, number) : "none");
+        break;
+    case ROOFLINE:
+        text_add(page, "%s", number_text(roofline_ratio(run), number));
+        break;
+    case COUNTERS:
+        add_counters(json_at(run, column->value), page);
+        break;
+    }
+    text_add(page, "</td>");
+}
+
+static void add_run_table(const struct report *report, const char *title, const struct column *columns,
+                          struct text *page)
+{
+    text_add(
+        page,
+        "<h3>%s</h3><div class=\"scroll\"><table class=\"runs\"><thead><tr><th class=\"word\">setting</th>",
+        title);
+    for (const struct column *column = columns; column->heading; column++)
+        if (column_shown(report, column))
+            text_add(page, "<th%s title=\"%s\">%s<small>%s</small></th>",
+                     column->kind == COUNTERS ? " class=\"word\"" : "", column->meaning, column->heading,
+                     column->unit);
+    text_add(page, "</tr></thead><tbody>");
+    for (int i = 0; i < report->run_count; i++) {
+        bool first = i == 0 || report->runs[i].renderer != report->runs[i - 1].renderer;
+        text_add(page, "<tr%s><th class=\"word\">", first ? " class=\"first\"" : "");
+        add_run_name(page, report, &report->runs[i]);
+        text_add(page, "</th>");
+        for (const struct column *column = columns; column->heading; column++)
+            if (column_shown(report, column)) add_cell(report->runs[i].json, column, page);
+        text_add(page, "</tr>\n");
+    }
+    text_add(page, "</tbody></table></div>\n");
+}
+
+void report_run_tables(const struct report *report, struct text *page)
+{
+    bool uncertain = false;
+    if (report->run_count == 0) {
+        text_add(page, "<p>No run was measured.</p>");
+        return;
+    }
+    add_run_table(report, "Time", time_columns, page);
+    add_run_table(report, "Error and coverage", error_columns, page);
+    add_run_table(report, "Work and memory", work_columns, page);
+    const char *why = NULL;
+    for (int i = 0; i < report->run_count; i++) {
+        if (!json_true(report->runs[i].json, "uncertain")) continue;
+        uncertain = true;
+        why = json_text(report->runs[i].json, "reasons.frames");
+    }
+    text_add(page, "<p class=\"note\">A dash is a number that was not measured; the reasons stand below.");
+    if (uncertain) {
+        text_add(page, " \u2020\u00a0Flew fewer frames than the path has, so its figures are uncertain");
+        if (why) text_add(page, ": ");
+        if (why) text_add_escaped(page, why);
+        text_add(page, ".");
+    }
+    text_add(page, "</p>\n");
+}
+
+// ---- steadiness ---------------------------------------------------------------------------------
+
+static const struct column steadiness_columns[] = {
+    {"median", "ms", "frame_ms.median", NUMBER, "frame_ms"},
+    {"p95", "ms", "frame_ms.p95", NUMBER, "95 of 100 frames take no longer"},
+    {"p99", "ms", "frame_ms.p99", NUMBER, "99 of 100 frames take no longer"},
+    {"max", "ms", "frame_ms.max", NUMBER, "slowest frame"},
+    {"steadiness", "p99 / median", "steadiness", NUMBER, "of frame_ms over roofline_ms, frame by frame"},
+    {NULL, NULL, NULL, NUMBER, NULL},
+};
+
+void report_steadiness(const struct report *report, struct text *page)
+{
+    text_add(page, "<div class=\"scroll\"><table><thead><tr><th class=\"word\">setting</th>");
+    for (const struct column *column = steadiness_columns; column->heading; column++)
+        text_add(page, "<th title=\"%s\">%s<small>%s</small></th>", column->meaning, column->heading,
+                 column->unit);
+    text_add(page, "</tr></thead><tbody>");
+    for (int i = 0; i < report->renderer_count; i++) {
+        const struct report_run *run = report->renderers[i].shown;
+        if (!run || report->renderers[i].role != ROLE_METHOD) continue;
+        text_add(page, "<tr><th class=\"word\">");
+        add_run_name(page, report, run);
+        text_add(page, "</th>");
+        for (const struct column *column = steadiness_columns; column->heading; column++)
+            add_cell(run->json, column, page);
+        text_add(page, "</tr>");
+    }
+    text_add(page, "</tbody></table></div><p class=\"note\">Steadiness takes the scene out: each "
+                   "frame\u2019s time over the "
+                   "time of the plainest draw of the same triangles, its p99 over its median. 1 is perfectly "
+                   "steady.</p>\n");
+}
+
+// ---- what is missing ----------------------------------------------------------------------------
+
+struct missing { // one figure that one or more runs do not have, for one reason
+    char field[96];
+    const char *reason;
+    bool *runs;
+    bool told;
+};
+
+struct missing_list {
+    struct missing *items;
+    int count, capacity, run_count;
+};
+
+static const char *const expected_fields[] = {
+    "frame_ms",     "update_ms",      "draw_ms",  "wall_ms",     "worker_ms",         "gpu_ms",
+    "roofline_ms",  "steadiness",     "fps",      "triangles",   "visible_triangles", "draw_calls",
+    "upload_bytes", "resident_bytes", "error_px", "plane_px",    "claimed_px",        "claim_broken_frames",
+    "holes",        "misses",         "spills",   "temporal_px", "frames_csv",
+};
+
+static const char *recorded_reason(const cJSON *reasons, const char *field, size_t length)
+{
+    char name[96];
+    if (length >= sizeof name) return NULL;
+    memcpy(name, field, length);
+    name[length] = 0;
+    const cJSON *reason = cJSON_GetObjectItemCaseSensitive(reasons, name);
+    return cJSON_IsString(reason) ? reason->valuestring : NULL;
+}
+
+// The reason for "frame_ms.ci95" may stand under that name, under "ci95" or under "frame_ms".
+static const char *reason_of(const cJSON *run, const char *field)
+{
+    const cJSON *reasons = json_at(run, "reasons");
+    size_t parent = strcspn(field, ".");
+    const char *leaf = field[parent] ? field + parent + 1 : field,
+               *reason = recorded_reason(reasons, field, strlen(field));
+    if (!reason) reason = recorded_reason(reasons, leaf, strlen(leaf));
+    if (!reason) reason = recorded_reason(reasons, field, parent);
+    return reason ? reason : "no reason was recorded";
+}
+
+static void add_missing(struct missing_list *list, int run, const cJSON *json, const char *field)
+{
+    const char *reason = reason_of(json, field);
+    for (int i = 0; i < list->count; i++)
+        if (strcmp(list->items[i].field, field) == 0 && strcmp(list->items[i].reason, reason) == 0) {
+            list->items[i].runs[run] = true;
+            return;
+        }
+    if (list->count == list->capacity) {
+        int capacity = list->capacity ? list->capacity * 2 : 32;
+        struct missing *items = realloc(list->items, (size_t)capacity * sizeof *items);
+        if (!items) return;
+        list->items = items;
+        list->capacity = capacity;
+    }
+    struct missing *item = &list->items[list->count];
+    *item = (struct missing){.reason = reason, .runs = calloc((size_t)list->run_count, sizeof *item->runs)};
+    if (!item->runs) return;
+    strncpy(item->field, field, sizeof item->field - 1);
+    item->runs[run] = true;
+    list->count++;
+}
+
+// A summary without a single number is missing as a whole: its parts need no lines of their own.
+static bool is_empty_summary(const cJSON *value)
+{
+    const cJSON *child;
+    if (!cJSON_IsObject(value)) return false;
+    cJSON_ArrayForEach(child,
+                       value) if (!cJSON_IsNull(child) && strcmp(child->string, "samples") != 0) return false;
+    return true;
+}
+
+static void find_missing(struct missing_list *list, int run, const cJSON *json)
+{
+    char field[96];
+    const cJSON *child;
+    for (size_t i = 0; i < sizeof expected_fields / sizeof expected_fields[0]; i++) {
+        const char *name = expected_fields[i];
+        const cJSON *value = json_at(json, name);
+        if (!value || is_empty_summary(value))
+            add_missing(list, run, json, name);
+        else if (cJSON_IsObject(value))
+            cJSON_ArrayForEach(child, value)
+            {
+                if (!cJSON_IsNull(child) || strlen(name) + strlen(child->string) + 2 > sizeof field) continue;
+                strcpy(field, name);
+                strcat(strcat(field, "."), child->string);
+                add_missing(list, run, json, field);
+            }
+    }
+}
+
+static void add_missing_runs(const struct report *report, const bool *runs, struct text *page)
+{
+    int count = 0, written = 0;
+    for (int i = 0; i < report->run_count; i++) count += runs[i];
+    if (count == report->run_count) {
+        text_add(page, "every run");
+        return;
+    }
+    for (int i = 0; i < report->renderer_count; i++) { // a renderer's name stands for all its runs
+        int all = 0, without = 0;
+        for (int k = 0; k < report->run_count; k++) {
+            all += report->runs[k].renderer == i;
+            without += report->runs[k].renderer == i && runs[k];
+        }
+        if (without == 0) continue;
+        if (all == without) {
+            text_add(page, "%s", written++ ? ", " : "");
+            page_renderer(page, &report->renderers[i]);
+        } else
+            for (int k = 0; k < report->run_count; k++) {
+                if (report->runs[k].renderer != i || !runs[k]) continue;
+                text_add(page, "%s", written++ ? ", " : "");
+                add_run_name(page, report, &report->runs[k]);
+            }
+    }
+}
+
+void report_missing(const struct report *report, struct text *page)
+{
+    struct missing_list list = {.run_count = report->run_count};
+    for (int i = 0; i < report->run_count; i++) find_missing(&list, i, report->runs[i].json);
+    if (list.count == 0)
+        text_add(page, "<p>Every figure of every run was measured.</p>");
+    else
+        text_add(page,
+                 "<div class=\"scroll\"><table class=\"prose\"><thead><tr><th class=\"word\">figures</th>"
+                 "<th class=\"word\">runs</th><th class=\"word\">reason</th></tr></thead><tbody>");
+    for (int i = 0; i < list.count; i++) {
+        struct missing *item = &list.items[i];
+        if (item->told) continue;
+        text_add(page, "<tr><td class=\"word\"><code>");
+        text_add_escaped(page, item->field);
+        text_add(page, "</code>");
+        for (int k = i + 1; k < list.count; k++) {
+            struct missing *other = &list.items[k];
+            if (other->told || strcmp(other->reason, item->reason) != 0 ||
+                memcmp(other->runs, item->runs, (size_t)report->run_count * sizeof *item->runs) != 0)
+                continue;
+            text_add(page, ", <code>");
+            text_add_escaped(page, other->field);
+            text_add(page, "</code>");
+            other->told = true;
+        }
+        text_add(page, "</td><td class=\"word\">");
+        add_missing_runs(report, item->runs, page);
+        text_add(page, "</td><td class=\"word\">");
+        text_add_escaped(page, item->reason);
+        text_add(page, "</td></tr>\n");
+    }
+    if (list.count) text_add(page, "</tbody></table></div>\n");
+    for (int i = 0; i < list.count; i++) free(list.items[i].runs);
+    free(list.items);
+}
