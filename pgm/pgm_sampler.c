@@ -1,0 +1,350 @@
+// SPDX-License-Identifier: MIT
+#include "pgm/pgm_sampler.h"
+
+#include <math.h>
+
+static const double half_pi = 1.57079632679489661923;
+static const double infinitesimal = 1e-9; // sine of a ray to the sky, which only the published camera sends
+
+static double clamp(double value, double low, double high)
+{
+    return fmin(fmax(value, low), high);
+}
+
+// ---- the visible slab, seen from the side
+// --------------------------------------------------------------------------
+
+// The view from the side: all points whose elevation lies between two rays, at heights low .. high over the
+// eye.
+struct wedge {
+    double upper, lower; // elevation of the rays, radians; may pass the zenith and the nadir
+    double low, high;    // of the slab, relative to the eye
+};
+
+static void include(double q, double *nearest, double *farthest)
+{
+    *nearest = fmin(*nearest, q);
+    *farthest = fmax(*farthest, q);
+}
+
+static void include_ray(const struct wedge *wedge, double elevation, double *nearest, double *farthest)
+{
+    double sine = sin(elevation), cosine = cos(elevation);
+    const double heights[2] = {wedge->low, wedge->high};
+    for (int i = 0; i < 2; i++)
+        if (heights[i] / sine > 0) include(heights[i] / sine * cosine, nearest, farthest);
+}
+
+// Range of forward distances of wedge and slab together; false when they do not meet.
+static bool wedge_range(const struct wedge *wedge, double *nearest, double *farthest)
+{
+    *nearest = INFINITY;
+    *farthest = -INFINITY;
+    include_ray(wedge, wedge->upper, nearest, farthest);
+    include_ray(wedge, wedge->lower, nearest, farthest);
+    if (wedge->low <= 0 && wedge->high >= 0) include(0, nearest, farthest);
+    if ((wedge->lower < 0 && wedge->upper >= 0 && wedge->low < 0) ||
+        (wedge->lower <= 0 && wedge->upper > 0 && wedge->high > 0))
+        *farthest = INFINITY;
+    return *nearest <= *farthest;
+}
+
+// ---- Equation 3
+// --------------------------------------------------------------------------------------------------------
+
+double pgm_extension_published(double height, double distance, double highest)
+{
+    double h = height, r = distance, m = highest;
+    return atan(r * h * m / (h * h * h + r * r * (h - m)));
+}
+
+double pgm_extension_stable(double height, double distance, double highest)
+{
+    if (!(distance > 0) || !(height > 0)) return 0;
+    double mu = clamp(highest / height, 0, 1), rho = distance / height;
+    // Divided by rho where it is large, so that its square cannot overflow.
+    if (rho > 1) return atan2(mu, 1 / rho + rho * (1 - mu));
+    return atan2(rho * mu, 1 + rho * rho * (1 - mu));
+}
+
+// ---- aiming
+// --------------------------------------------------------------------------------------------------------------
+
+static void set_axes(struct pgm_sampler *sampler, const struct view *view)
+{
+    double sine = sin(view->yaw), cosine = cos(view->yaw);
+    sampler->forward[0] = cosine;
+    sampler->forward[1] = sine;
+    sampler->right[0] = sine;
+    sampler->right[1] = -cosine;
+}
+
+// The upright view that encloses the rolled one (numerics.md, PG3).
+static void set_angles(struct pgm_sampler *sampler, const struct view *view, enum pgm_camera camera)
+{
+    double sine = camera == PGM_CAMERA_STABLE ? fabs(sin(view->roll)) : 0;
+    double cosine = camera == PGM_CAMERA_STABLE ? fabs(cos(view->roll)) : 1;
+    sampler->tan_half[0] = view->tan_half[0] * cosine + view->tan_half[1] * sine;
+    sampler->tan_half[1] = view->tan_half[0] * sine + view->tan_half[1] * cosine;
+}
+
+// How far ahead the map begins and ends.
+static void map_reach(const struct pgm_sampler *sampler, const struct view *view, const double outline_m[4],
+                      double *begins, double *ends)
+{
+    *begins = INFINITY;
+    *ends = -INFINITY;
+    for (int corner = 0; corner < 4; corner++) {
+        double x = outline_m[corner & 1 ? 2 : 0] - view->eye_m[0];
+        double y = outline_m[corner & 2 ? 3 : 1] - view->eye_m[1];
+        include(x * sampler->forward[0] + y * sampler->forward[1], begins, ends);
+    }
+}
+
+// Height over the sampling plane.  A plane at or above the eye cannot be sampled (numerics.md, A6).
+static double sampling_height(const struct view *view, const struct pgm_world *world, enum pgm_plane plane)
+{
+    if (plane == PGM_PLANE_GROUND) // rows closer than the cells they read would be wasted
+        return fmax(view->eye_m[2] - world->ground_m, world->spacing_m);
+    double height = view->eye_m[2] - world->lowest_m;
+    return height > 0 ? height : world->spacing_m / 4;
+}
+
+// Equation 2.
+static double sampling_depression(const struct pgm_sampler *sampler, double depression,
+                                  enum pgm_camera camera)
+{
+    double half = atan(sampler->tan_half[1]);
+    if (camera == PGM_CAMERA_PUBLISHED) return fabs(depression) > half ? depression : half + 1e-6;
+    double epsilon = sampler->reach_m > 0 ? atan(sampler->height_m / sampler->reach_m) : half_pi;
+    return fmin(fmax(depression, half + epsilon), half_pi);
+}
+
+// Width of what is visible at each forward distance: at depth s the view is tan s wide, and s = q cos A - z
+// sin A is largest at the bottom of the slab when looking down, at its top when looking up (numerics.md,
+// PG2).
+static void set_width(struct pgm_sampler *sampler, const struct view *view, const struct wedge *wedge,
+                      bool widening)
+{
+    const double guard = 1 + 1e-5; // the table is rounded to float
+    double across = sampler->tan_half[0] * guard;
+    double depression = widening ? -view->pitch : sampler->depression;
+    double lowest = widening ? (depression >= 0 ? wedge->low : wedge->high) : -sampler->height_m;
+    sampler->width[0] = -across * lowest * sin(depression);
+    sampler->width[1] = across * cos(depression);
+    sampler->width[2] = across * view->near_m;
+}
+
+double pgm_sampler_half_width(const struct pgm_sampler *sampler, double forward_m)
+{
+    return fmax(sampler->width[0] + sampler->width[1] * forward_m, sampler->width[2]);
+}
+
+// Highest drawn terrain under the trapezoid between two forward distances, relative to the eye.
+static double highest_between(const struct pgm_sampler *sampler, const struct view *view,
+                              const struct pgm_world *world, double from, double to)
+{
+    double rect[4] = {INFINITY, INFINITY, -INFINITY, -INFINITY};
+    for (int corner = 0; corner < 4; corner++) {
+        double q = corner & 1 ? to : from;
+        double p = pgm_sampler_half_width(sampler, q) * (corner & 2 ? 1 : -1);
+        for (int axis = 0; axis < 2; axis++) {
+            double x = view->eye_m[axis] + sampler->forward[axis] * q + sampler->right[axis] * p;
+            include(x, &rect[axis], &rect[axis + 2]);
+        }
+    }
+    return world->highest_in(world->user, rect) - view->eye_m[2];
+}
+
+// Near end by the viewing camera: no visible ground nearer than `cut`, where its lower edge leaves the slab,
+// is higher than what stands there.  Each turn looks at a smaller area and may lower that height once more.
+static double tight_near(const struct pgm_sampler *sampler, const struct view *view,
+                         const struct pgm_world *world, struct wedge wedge, double nearest, double farthest)
+{
+    double cut = farthest;
+    if (wedge.lower < 0 && wedge.low < 0) cut = fmin(cut, wedge.low * cos(wedge.lower) / sin(wedge.lower));
+    for (int turn = 0; turn < 3 && nearest < cut; turn++) {
+        double highest = highest_between(sampler, view, world, nearest, cut), ignored;
+        wedge.high = fmax(fmin(wedge.high, highest), wedge.low);
+        double moved = cut;
+        if (wedge_range(&wedge, &moved, &ignored))
+            moved = fmin(moved, cut);
+        else
+            moved = cut;
+        if (!(moved > nearest)) break;
+        nearest = moved;
+    }
+    return nearest;
+}
+
+// Near end by the sampling camera: where its lower edge meets the plane, extended by gamma.
+static double sampled_near(struct pgm_sampler *sampler, const struct view *view,
+                           const struct pgm_world *world, enum pgm_extension extension)
+{
+    double half = atan(sampler->tan_half[1]), h = sampler->height_m;
+    double lower = sampler->depression + half;
+    double distance = h * cos(lower) / fmax(sin(lower), infinitesimal), alpha = half_pi - lower;
+    if (extension == PGM_EXTENSION_NONE || !(distance > 0)) return distance;
+    double highest = highest_between(sampler, view, world, 0, distance) + h;
+    double gamma = extension == PGM_EXTENSION_STABLE ? pgm_extension_stable(h, distance, highest)
+                                                     : pgm_extension_published(h, distance, highest);
+    return h * tan(clamp(alpha - gamma, -1.5, 1.5));
+}
+
+static double sampled_far(const struct pgm_sampler *sampler)
+{
+    double upper = sampler->depression - atan(sampler->tan_half[1]);
+    return sampler->height_m * cos(upper) / fmax(sin(upper), infinitesimal);
+}
+
+static void set_ends(struct pgm_sampler *sampler, const struct view *view, const struct pgm_world *world,
+                     const struct pgm_settings *settings, const struct wedge *wedge, double begins)
+{
+    const double guard = 2e-4; // row 0 lies just beyond the last terrain
+    double nearest, farthest;
+    bool seen = wedge_range(wedge, &nearest, &farthest);
+    if (settings->extension == PGM_EXTENSION_TIGHT) {
+        farthest = fmin(farthest, sampler->reach_m);
+        nearest = fmax(nearest, begins);
+        sampler->empty = !seen || !(nearest < farthest);
+        if (sampler->empty) return;
+        nearest = tight_near(sampler, view, world, *wedge, nearest, farthest);
+        // A sliver of ground at the very edge of the map or the picture still gets rows with room between
+        // them.
+        nearest = fmin(nearest, farthest - guard * fabs(farthest));
+    } else {
+        double behind = fmin(nearest, 0); // terrain overhead when looking up steeply
+        farthest = sampled_far(sampler);
+        if (settings->camera == PGM_CAMERA_STABLE) farthest = fmin(farthest, sampler->reach_m);
+        nearest = sampled_near(sampler, view, world, settings->extension);
+        if (settings->extension == PGM_EXTENSION_STABLE) nearest = fmin(nearest, behind);
+        sampler->empty = !(nearest < farthest);
+        if (sampler->empty) return;
+    }
+    sampler->far_m = farthest + guard * fabs(farthest);
+    sampler->near_m = nearest - guard * fabs(nearest);
+}
+
+// Rows behind the viewer must still be in front of the sampling camera, and not at the rim of its image
+// plane.
+static void face_near_end(struct pgm_sampler *sampler)
+{
+    const double margin = half_pi / 6;
+    if (sampler->near_m >= 0) return;
+    double behind = atan2(-sampler->near_m, sampler->height_m);
+    sampler->depression = fmax(sampler->depression, fmin(behind + margin, half_pi));
+}
+
+void pgm_sampler_aim(struct pgm_sampler *sampler, const struct view *view, const struct pgm_world *world,
+                     const struct pgm_settings *settings)
+{
+    *sampler = (struct pgm_sampler){.empty = false};
+    set_axes(sampler, view);
+    set_angles(sampler, view, settings->camera);
+    double begins, half = atan(sampler->tan_half[1]);
+    map_reach(sampler, view, world->outline_m, &begins, &sampler->reach_m);
+    sampler->below_base = view->eye_m[2] <= world->lowest_m;
+    sampler->height_m = sampling_height(view, world, settings->plane);
+    sampler->depression = sampling_depression(sampler, -view->pitch, settings->camera);
+    struct wedge wedge = {view->pitch + half, view->pitch - half, world->lowest_m - view->eye_m[2],
+                          world->highest_m - view->eye_m[2]};
+    set_width(sampler, view, &wedge, settings->widening);
+    sampler->screen_m = (double)INFINITY;
+    if (wedge.lower < 0) sampler->screen_m = -sampler->height_m * cos(wedge.lower) / sin(wedge.lower);
+    double lower_edge = sampler->depression + half;
+    set_ends(sampler, view, world, settings, &wedge, begins);
+    if (sampler->empty) return;
+    double near_depression = half_pi - atan2(sampler->near_m, sampler->height_m);
+    sampler->extension = near_depression - lower_edge;
+    face_near_end(sampler);
+}
+
+// ---- rows
+// ------------------------------------------------------------------------------------------------------------------
+
+// Solves (1 - share) expm1(x L) / K + share x = u for x in [0, 1], K = expm1(L): the share of the way from
+// the far to the near fall when `share` of the rows' density is even in log b and the rest even in b.  Convex
+// in x, so Newton's steps come down from the right of the root and stay there.
+static double solve_law(double share, double log_span, double u, double start)
+{
+    if (share >= 1 || u <= 0 || u >= 1) return clamp(u, 0, 1);
+    double span = expm1(log_span), x = start;
+    if (share <= 0) return log1p(u * span) / log_span;
+    for (int step = 0; step < 60; step++) {
+        double grown = expm1(x * log_span);
+        double value = (1 - share) * grown / span + share * x - u;
+        double slope = (1 - share) * (grown + 1) * log_span / span + share;
+        double moved = clamp(x - value / slope, 0, 1);
+        if (fabs(moved - x) <= 1e-13) return moved;
+        x = moved;
+    }
+    return x;
+}
+
+static double law_share(enum pgm_law law)
+{
+    return law == PGM_LAW_UNIFORM ? 0 : law == PGM_LAW_HALF_LOG ? 0.5 : 1;
+}
+
+void pgm_level_for(double cells, enum pgm_lod lod, int levels, int *level, double *weight)
+{
+    *level = 0;
+    *weight = 0;
+    if (!(cells > 0) || levels <= 1) return;
+    double lambda = clamp(log2(cells), -1, levels);
+    double chosen = fmax(0, lod == PGM_LOD_FLOOR ? floor(lambda) : ceil(lambda));
+    *level = (int)fmin(chosen, levels - 1);
+    if (*level == levels - 1) return;
+    *weight = clamp(cells * exp2(lod == PGM_LOD_FLOOR ? -chosen : 1 - chosen) - 1, 0, 1);
+}
+
+static double sampling_distance(const struct pgm_row *row, double step, int columns, enum pgm_spread spread)
+{
+    double across = 2 * row->half_width_m / columns;
+    switch (spread) {
+    case PGM_SPREAD_MEAN:
+        return sqrt(step * across);
+    case PGM_SPREAD_NEAR:
+        return fmin(step, across);
+    default:
+        return fmax(step, across);
+    }
+}
+
+static void set_level(struct pgm_row *row, const struct pgm_world *world, const struct pgm_settings *settings)
+{
+    double cells = row->spacing_m / world->spacing_m * exp2(settings->lod_bias);
+    pgm_level_for(cells, settings->lod, world->levels, &row->level, &row->weight);
+    row->range_m = 0;
+    if (settings->lod == PGM_LOD_PUBLISHED && row->level < world->levels - 1)
+        row->range_m = ldexp(world->spacing_m, row->level - 1);
+}
+
+void pgm_sampler_rows(const struct pgm_sampler *sampler, const struct pgm_world *world,
+                      const struct pgm_settings *settings, struct pgm_row *rows)
+{
+    int count = settings->rows;
+    double sine = sin(sampler->depression), cosine = cos(sampler->depression), h = sampler->height_m;
+    double t_far = sampler->far_m * cosine + h * sine, t_near = sampler->near_m * cosine + h * sine;
+    double fall_far = h / t_far, fall_near = h / t_near;
+    double y_far = (sampler->far_m * sine - h * cosine) / t_far;
+    double y_near = (sampler->near_m * sine - h * cosine) / t_near;
+    double log_span = log(t_far / t_near), span = expm1(log_span), x = 0;
+    bool even = !(log_span > 1e-6); // looking straight down: b does not vary, y does
+    for (int j = 0; j <= count; j++) {
+        double u = (double)j / count;
+        if (!even) x = solve_law(law_share(settings->law), log_span, u, x);
+        double way = even ? u : j == count ? 1 : expm1(x * log_span) / span;
+        // Sums of positive terms: sin A - y cos A would cancel at the horizon (numerics.md, A2).
+        double fall = fall_far + way * (fall_near - fall_far), y = y_far + way * (y_near - y_far);
+        rows[j].fall = fall;
+        rows[j].forward_m = h * (cosine + y * sine) / fall;
+        rows[j].half_width_m = pgm_sampler_half_width(sampler, rows[j].forward_m);
+        if (j == 0) continue;
+        double step = rows[j - 1].forward_m - rows[j].forward_m;
+        rows[j].spacing_m = sampling_distance(&rows[j], step, settings->columns, settings->spread);
+        set_level(&rows[j], world, settings);
+    }
+    rows[0].spacing_m = rows[1].spacing_m;
+    set_level(&rows[0], world, settings);
+}

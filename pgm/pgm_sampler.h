@@ -1,0 +1,119 @@
+// The sampling camera: where each row of the persistent grid stands on the ground and how fine it reads.
+// PURE: no GL. After Livny et al., "Persistent grid mapping: a GPU-based framework for interactive terrain
+// rendering", The Visual Computer 24(2), 2008, sections 3.1 to 3.5, with its equations put right; the
+// published forms stay selectable.
+//
+// The sampling camera stands at the eye without roll, looks down by `depression` (Equation 2) and maps the
+// grid onto a sampling plane h below the eye.  A ray at height y of its image plane (focal lengths) has
+//     b = sin A - y cos A   (fall)        a = cos A + y sin A   (advance)        t = h / b
+// and meets the plane at forward distance q = t a, where a step of 1 across the image plane is t wide.  Rows
+// run from the far end of the visible ground to its near end, strictly nearer one by one; row j is a straight
+// line across the view.  A vertex is      e_f q_j + e_r X w_j      relative to the eye, X in [-1, 1].
+//
+// A vertex is displaced straight up or down, so terrain is covered exactly where the rows' trapezoid covers
+// the ground under the visible part of the slab between the lowest and the highest terrain: that, not the
+// plane, sets its ends and width. SPDX-License-Identifier: MIT
+#ifndef PGM_PGM_SAMPLER_H
+#define PGM_PGM_SAMPLER_H
+
+#include "common/view/view.h"
+
+#include <stdbool.h>
+
+enum { PGM_ROWS_MAX = 768, PGM_LEVELS_MAX = 40 };
+
+// How the sampling camera follows the viewing camera (Equation 2).
+enum pgm_camera {
+    PGM_CAMERA_PUBLISHED, // |view angle|, no roll, an "infinitesimal" epsilon: looking up or rolled sends
+                          // rays to the sky
+    PGM_CAMERA_STABLE,    // signed depression, roll enclosed, epsilon that ends at the farthest terrain
+};
+
+// Where the rows end near the viewer (section 3.2, Equation 3).
+enum pgm_extension {
+    PGM_EXTENSION_NONE,      // at the sampling camera's lower edge
+    PGM_EXTENSION_PUBLISHED, // Equation 3 as printed: wrong where terrain rises above the eye
+    PGM_EXTENSION_STABLE,    // Equation 3 in a form that holds for any height
+    PGM_EXTENSION_TIGHT,     // where the viewing camera's visible ground ends: no row wasted below the screen
+};
+
+enum pgm_law { PGM_LAW_UNIFORM, PGM_LAW_HALF_LOG, PGM_LAW_LOG }; // how rows are spread between the ends
+enum pgm_plane { PGM_PLANE_LOWEST, PGM_PLANE_GROUND }; // sampling plane: lowest terrain, or ground at the eye
+enum pgm_lod { PGM_LOD_PUBLISHED, PGM_LOD_CEIL, PGM_LOD_FLOOR }; // Equations 6 and 7
+enum pgm_spread {
+    PGM_SPREAD_FAR,
+    PGM_SPREAD_MEAN,
+    PGM_SPREAD_NEAR
+}; // which neighbour's distance picks the level
+
+struct pgm_settings {
+    int rows, columns; // quads of the grid, at least 1
+    enum pgm_camera camera;
+    enum pgm_extension extension;
+    enum pgm_law law;
+    enum pgm_plane plane;
+    enum pgm_lod lod;
+    enum pgm_spread spread;
+    bool widening; // false: the width of the sampling camera's own frustum (the paper's), which narrows as it
+                   // tilts
+    double lod_bias; // levels added to log2(distance / spacing)
+};
+
+// What the sampler asks of a terrain.
+struct pgm_world {
+    double outline_m[4];        // of the map
+    double lowest_m, highest_m; // of every level that may be drawn
+    double ground_m;            // under the eye (or at the map's edge); for PGM_PLANE_GROUND
+    double spacing_m;           // of the finest level
+    int levels;                 // how many, finest included
+    double (*highest_in)(const void *user,
+                         const double rect_m[4]); // highest drawn terrain in x_min, y_min, x_max, y_max
+    const void *user;
+};
+
+struct pgm_sampler {
+    double forward[2], right[2]; // e_f and e_r, unit, world
+    double tan_half[2];          // of the view's angles, roll enclosed
+    double depression;           // A of the sampling camera, radians below the horizon
+    double height_m;             // h: eye over the sampling plane, > 0
+    double far_m, near_m;        // forward distance of the first and the last row
+    double width[3];             // half width at forward distance q: max(width[0] + width[1] q, width[2])
+    double reach_m;              // D_far: how far ahead the map goes
+    double screen_m;             // nearest forward distance at which the viewing camera sees the plane
+    double extension; // gamma: how far the near row looks below the sampling camera's lower edge, radians
+    bool below_base;  // the eye is not above the lowest terrain
+    bool empty;       // nothing of the terrain can be seen: no rows
+};
+
+struct pgm_row {
+    double fall;         // b
+    double forward_m;    // q
+    double half_width_m; // w
+    double spacing_m;    // r: distance to the neighbour that picks the level
+    int level;           // above the finest, 0 .. levels - 1
+    double weight;       // of the next coarser level, 0 at the coarsest
+    double range_m; // PGM_LOD_PUBLISHED: the vertex's weight is distance / range - 1, unclamped as printed;
+                    // else 0
+};
+
+void pgm_sampler_aim(struct pgm_sampler *sampler, const struct view *view, const struct pgm_world *world,
+                     const struct pgm_settings *settings);
+
+// Fills settings->rows + 1 rows, far to near.  Not for an empty sampler.
+void pgm_sampler_rows(const struct pgm_sampler *sampler, const struct pgm_world *world,
+                      const struct pgm_settings *settings, struct pgm_row *rows);
+
+// Half width of the grid at forward distance q.
+double pgm_sampler_half_width(const struct pgm_sampler *sampler, double forward_m);
+
+// Equation 3: the angle by which the viewport is extended, radians.  height: eye over the plane; distance:
+// where the lower edge meets it (<= 0: at or past nadir); highest: highest terrain of the missed area over
+// the plane.
+double pgm_extension_published(double height, double distance, double highest);
+double pgm_extension_stable(double height, double distance, double highest);
+
+// Equations 6 and 7: level and parent's weight for a sampling distance in finest cells.  Zero and NaN give
+// level 0, weight 0.
+void pgm_level_for(double cells, enum pgm_lod lod, int levels, int *level, double *weight);
+
+#endif
