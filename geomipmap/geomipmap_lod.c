@@ -12,10 +12,6 @@
 // distance; the guard is wider than that, and 0 for a flat tile.
 static const double ROUNDING = 0x1p-44;
 
-// The pictures that tau is checked on place a drawn point to within this many pixels (flat terrain shows as
-// much), so that much of tau is not given away.
-static const double FLOOR_PX = 1e-3;
-
 // ---- which triangles can be drawn
 // -----------------------------------------------------------------------------------
 
@@ -271,7 +267,7 @@ void geomipmap_judge_init(struct geomipmap_judge *judge, enum geomipmap_metric m
     bool safe = metric == GEOMIPMAP_SAFE;
     *judge = (struct geomipmap_judge){
         .metric = metric,
-        .tau_px = safe ? fmax(tau_px - FLOOR_PX, 0) : tau_px,
+        .tau_px = tau_px,
         .pixels_per_tangent = view->pixels_per_tangent,
         .near_m = view->near_m,
         .vertical_px = view->pixels_per_tangent * (safe ? most : 1),
