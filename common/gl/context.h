@@ -62,6 +62,9 @@ struct gpu {
 struct gpu *gpu_create_by(const struct context_type *const *ways, int count, const char *word, int width,
                           int height, const char *title, int threads);
 
+// Under the address sanitizer, keeps the driver in memory until leaks have been looked for; else nothing.
+void gpu_keep_driver_loaded(void);
+
 // Uploads a frame block as it is and makes it current (gpu_set_view fills one from a view).
 void gpu_set_frame(struct gpu *gpu, const struct gpu_frame *frame);
 

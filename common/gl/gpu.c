@@ -71,6 +71,7 @@ static bool settle(struct gpu *gpu, char reason[CONTEXT_REASON])
         snprintf(reason, CONTEXT_REASON, "gives OpenGL %d.%d, not 3.3", version / 10, version % 10);
         return false;
     }
+    gpu_keep_driver_loaded();
     fill_info(gpu);
     listen_to_errors(gpu);
     if (gpu->info.clip_control) glClipControl(GL_LOWER_LEFT, GL_ZERO_TO_ONE);

@@ -33,8 +33,13 @@ static struct gpu *open_gpu(const char *word, int threads)
     return gpu_create(backend, WIDTH, HEIGHT, "test", threads);
 }
 
+struct scene_mesh {
+    GLuint array, buffers[2];
+    size_t indices;
+};
+
 // Hilly ground seen at a slant, and triangles that cross it.
-static size_t load_scene(struct gpu *gpu)
+static struct scene_mesh load_scene(struct gpu *gpu)
 {
     static float vertices[(CELLS + 1) * (CELLS + 1)][3];
     static uint32_t indices[(CELLS * CELLS * 2 + 100) * 3];
@@ -51,17 +56,17 @@ static size_t load_scene(struct gpu *gpu)
         for (int k = 0; k < 6; k++) indices[n++] = v + corner[k];
     }
     for (int i = 0; i < 300; i++) indices[n++] = (uint32_t)(test_random(&seed) % ((CELLS + 1) * (CELLS + 1)));
-    GLuint names[2], array;
-    glGenVertexArrays(1, &array);
-    glBindVertexArray(array);
-    glGenBuffers(2, names);
-    glBindBuffer(GL_ARRAY_BUFFER, names[0]);
+    struct scene_mesh mesh = {.indices = n};
+    glGenVertexArrays(1, &mesh.array);
+    glBindVertexArray(mesh.array);
+    glGenBuffers(2, mesh.buffers);
+    glBindBuffer(GL_ARRAY_BUFFER, mesh.buffers[0]);
     gpu_buffer_data(gpu, GL_ARRAY_BUFFER, sizeof vertices, vertices, GL_STATIC_DRAW);
     glVertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, 0, NULL);
     glEnableVertexAttribArray(0);
-    glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, names[1]);
+    glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, mesh.buffers[1]);
     gpu_buffer_data(gpu, GL_ELEMENT_ARRAY_BUFFER, sizeof indices, indices, GL_STATIC_DRAW);
-    return n;
+    return mesh;
 }
 
 static bool draw_hash(struct gpu *gpu, size_t count, enum render_pass pass, uint64_t *picture,
@@ -96,16 +101,18 @@ static int draw(const char *word, int threads)
         .outline = {-70, 5, 66, 190},
         .shade = {-9, 1.0f / 6}};
     uint64_t colour, position, depth, depth_again;
-    size_t count = load_scene(gpu);
+    struct scene_mesh mesh = load_scene(gpu);
     gpu_set_frame(gpu, &frame);
-    if (!draw_hash(gpu, count, PASS_SHADED, &colour, &depth) ||
-        !draw_hash(gpu, count, PASS_POSITION, &position, &depth_again))
+    if (!draw_hash(gpu, mesh.indices, PASS_SHADED, &colour, &depth) ||
+        !draw_hash(gpu, mesh.indices, PASS_POSITION, &position, &depth_again))
         return EXIT_WORLD;
     gpu_finish(gpu);
     printf("%s %d %016" PRIx64 " %016" PRIx64 " %016" PRIx64 " %d %d\n", gpu_info(gpu)->backend,
            gpu_info(gpu)->software, colour, depth, position, depth == depth_again,
            (int)gpu_debug_errors(gpu));
     printf("%s\n%s\n", gpu_info(gpu)->renderer, gpu_info(gpu)->version);
+    glDeleteVertexArrays(1, &mesh.array);
+    glDeleteBuffers(2, mesh.buffers);
     gpu_destroy(gpu);
     return EXIT_GOOD;
 }
