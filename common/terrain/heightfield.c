@@ -291,12 +291,20 @@ bool heightfield_quantise(struct heightfield *field, const double *height_m, int
     int exponent = FINEST;
     if (reach > 0 && frexp(reach, &exponent) == 0.5) exponent--; // reach <= 2^exponent
     exponent = exponent - bits > FINEST ? exponent - bits : FINEST;
-    field->quantum_m = ldexp(1, exponent);
     if (!allocate(field, field->name)) return false;
+    uint32_t used = 0; // bits that any height needs
+    for (size_t i = 0; i < count; i++) {
+        bool known = isfinite(height_m[i]);
+        int32_t q =
+            known ? (int32_t)lrint(ldexp(height_m[i] - field->offset_m, -exponent)) : HEIGHTFIELD_VOID;
+        if (known) used |= (uint32_t)q;
+        field->samples[i] = q;
+    }
+    int spare = 0; // whole metres stay whole metres
+    while (exponent + spare < 0 && !(used >> spare & 1)) spare++;
     for (size_t i = 0; i < count; i++)
-        field->samples[i] = isfinite(height_m[i])
-                                ? (int32_t)lrint((height_m[i] - field->offset_m) / field->quantum_m)
-                                : HEIGHTFIELD_VOID;
+        if (field->samples[i] != HEIGHTFIELD_VOID) field->samples[i] /= 1 << spare;
+    field->quantum_m = ldexp(1, exponent + spare);
     return true;
 }
 

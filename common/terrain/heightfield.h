@@ -40,9 +40,9 @@ bool heightfield_load(struct heightfield *field, const char *path);
 bool heightfield_load_memory(struct heightfield *field, const char *path, const void *png, size_t png_size,
                              const char *sidecar, size_t sidecar_size);
 
-// Takes heights in metres, row 0 south, not finite where void, and chooses a quantum (a power of two) and an
-// offset (whole metres, or the height itself when all are equal) so that |q| <= 2^bits.  Sets samples,
-// quantum_m and offset_m.
+// Takes heights in metres, row 0 south, not finite where void, and chooses an offset (whole metres, or the
+// height itself when all are equal) and a quantum (the coarsest power of two up to a metre that keeps them
+// exactly, else the finest that fits) so that |q| <= 2^bits.  Sets samples, quantum_m and offset_m.
 bool heightfield_quantise(struct heightfield *field, const double *height_m, int bits);
 
 // Writes OUT.png (16-bit grey) and OUT.json; voids are written as a declared nodata.  Both are whole or
