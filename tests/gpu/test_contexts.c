@@ -182,10 +182,15 @@ static void test_backends_agree(void **state)
     expect_same(&egl, &automatic);
 }
 
+static bool have_xvfb(void)
+{
+    return system("command -v xvfb-run >/dev/null 2>&1") == 0; // NOLINT
+}
+
 static void test_window(void **state)
 {
     (void)state;
-    if (system("command -v xvfb-run >/dev/null 2>&1") != 0) { // NOLINT
+    if (!have_xvfb()) {
         printf("skipped: xvfb-run is not installed, no window was opened\n");
         return;
     }
@@ -224,6 +229,7 @@ static void test_no_usable_gl(void **state)
         {"xvfb-run -a env LIBGL_DRIVERS_PATH=/nonexistent", "glfw"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        if (strstr(cases[i].before, "xvfb") && !have_xvfb()) continue;
         char text[4096];
         int code = run(cases[i].before, cases[i].word, text);
         if (code != EXIT_WORLD)
