@@ -9,8 +9,10 @@ enum { TOUR_KEYS = 9, SEEK = 4 };
 struct land {
     const struct terrain *terrain;
     const struct terrain_info *info;
-    double size_m;     // geometric mean of the sides
-    double low_m;      // height over ground of the low flight
+    double size_m; // geometric mean of the sides
+    double low_m;  // height over ground of the low flight
+    double
+        deepest_m; // height over the datum that the flight keeps: near the summits of a map taller than wide
     double overview_m; // height over the datum of the look at the whole
 };
 
@@ -31,9 +33,11 @@ static struct land survey(const struct terrain *terrain)
     double width = info->outline_m[2] - info->outline_m[0], height = info->outline_m[3] - info->outline_m[1];
     double least = fmax(fmax(width, height) / 64, spacing); // a map may be one sample wide
     land.size_m = sqrt(fmax(width, least) * fmax(height, least));
+    double summit_m = info->max_q * info->quantum_m + info->offset_m;
     double relief = (info->max_q - info->min_q) * info->quantum_m;
-    land.low_m = fmax(fmax(0.001 * land.size_m, 0.03 * relief), 0.25 * spacing);
-    land.overview_m = info->max_q * info->quantum_m + info->offset_m + 0.1 * land.size_m;
+    land.low_m = fmax(fmin(fmax(0.001 * land.size_m, 0.03 * relief), 0.02 * land.size_m), 0.25 * spacing);
+    land.deepest_m = summit_m + land.low_m - 0.15 * land.size_m;
+    land.overview_m = summit_m + land.low_m + 0.1 * land.size_m;
     return land;
 }
 
@@ -65,9 +69,10 @@ static void place_key(const struct land *land, double way, struct path_key *key,
     int along = side[0] >= side[1] ? 0 : 1, across = 1 - along;
     double place[2];
     place[along] = outline[along] + (0.12 + 0.76 * way) * side[along];
-    place[across] = outline[across] + (0.5 - 0.1 * sin(2 * M_PI * way)) * side[across];
+    double swing = fmin(0.1 * land->size_m, 0.25 * side[across]);
+    place[across] = outline[across] + 0.5 * side[across] - swing * sin(2 * M_PI * way);
     if (climb == 0) seek_valley(land, place, across);
-    double low = land_ground(land, place[0], place[1]) + land->low_m;
+    double low = fmax(land_ground(land, place[0], place[1]) + land->low_m, land->deepest_m);
     *key = (struct path_key){
         .x_m = place[0], .y_m = place[1], .height_m = low + climb * (land->overview_m - low)};
 }
