@@ -64,35 +64,36 @@ size_t pgm_atlas_bytes(const struct pgm_atlas *atlas)
     return (size_t)atlas->width * (size_t)atlas->height * (atlas->narrow ? 2 : 4);
 }
 
-static void upload_strip(const struct pgm_atlas *atlas, struct gpu *gpu, const struct pgm_slot *slot, int row,
-                         int rows, int32_t *heights)
+// `rows` rows of slot k from `row` on.  `narrow` has room for as many texels as `heights`.
+static void upload_strip(const struct pgm_atlas *atlas, struct gpu *gpu, const struct terrain *terrain, int k,
+                         int row, int rows, int32_t *heights, int16_t *narrow)
 {
+    const struct pgm_slot *slot = &atlas->slots[k];
     int width = slot_width(slot);
-    int16_t *narrow = (int16_t *)heights; // in place: each value moves to a place at or before its own
+    size_t count = (size_t)width * (size_t)rows;
+    terrain_window(terrain, atlas->finest + k, slot->extent.x0, slot->extent.y0 + row, width, rows, heights,
+                   TERRAIN_WAIT);
     if (atlas->narrow)
-        for (size_t i = 0; i < (size_t)width * (size_t)rows; i++) {
-            int16_t value = (int16_t)(heights[i] - atlas->base_q);
-            narrow[i] = value;
-        }
+        for (size_t i = 0; i < count; i++) narrow[i] = (int16_t)(heights[i] - atlas->base_q);
     gpu_texture_sub_image(gpu, GL_TEXTURE_2D, -1, slot->x, slot->y + row, width, rows, GL_RED_INTEGER,
-                          atlas->narrow ? GL_SHORT : GL_INT, heights);
+                          atlas->narrow ? GL_SHORT : GL_INT, atlas->narrow ? (void *)narrow : heights);
 }
 
 static bool upload(const struct pgm_atlas *atlas, struct gpu *gpu, const struct terrain *terrain)
 {
-    int32_t *strip = malloc(sizeof *strip * STRIP_ROWS * (size_t)slot_width(&atlas->slots[0]));
-    if (!strip) return fail("pgm: out of memory for a strip of heights");
-    for (int k = 0; k < atlas->levels; k++) {
-        const struct pgm_slot *slot = &atlas->slots[k];
-        for (int row = 0; row < slot_height(slot); row += STRIP_ROWS) {
-            int rows = slot_height(slot) - row < STRIP_ROWS ? slot_height(slot) - row : STRIP_ROWS;
-            terrain_window(terrain, atlas->finest + k, slot->extent.x0, slot->extent.y0 + row,
-                           slot_width(slot), rows, strip, TERRAIN_WAIT);
-            upload_strip(atlas, gpu, slot, row, rows, strip);
-        }
+    size_t most = STRIP_ROWS * (size_t)slot_width(&atlas->slots[0]);
+    int32_t *heights = malloc(most * sizeof *heights);
+    int16_t *narrow = malloc(most * sizeof *narrow);
+    bool good = heights && narrow;
+    for (int k = 0; good && k < atlas->levels; k++) {
+        int height = slot_height(&atlas->slots[k]);
+        for (int row = 0; row < height; row += STRIP_ROWS)
+            upload_strip(atlas, gpu, terrain, k, row, height - row < STRIP_ROWS ? height - row : STRIP_ROWS,
+                         heights, narrow);
     }
-    free(strip);
-    return true;
+    free(heights);
+    free(narrow);
+    return good || fail("pgm: out of memory for a strip of heights");
 }
 
 static void allocate(struct pgm_atlas *atlas)

@@ -1,5 +1,5 @@
 // Heights of all levels in one integer texture, each level in a slot of its own, so that one draw may read
-// any level. Livny et al. 2008, section 4 (the texture atlas).  Whole levels are resident.
+// any level.  Livny et al. 2008, section 4 (the texture atlas).  Whole levels are resident.
 // SPDX-License-Identifier: MIT
 #ifndef PGM_PGM_ATLAS_H
 #define PGM_PGM_ATLAS_H

@@ -3,8 +3,9 @@
 //
 // The grid has rows x columns quads.  Vertex (j, i) of row j = 0 (farthest) .. rows and column i = 0 (left)
 // .. columns is number j * stride + i and holds (j, X), X = -1 .. 1 across.  Quads come in tiles of 16 x 16,
-// nearest tiles first, each quad as two triangles, counter-clockwise from above, split along near left - far
-// right. SPDX-License-Identifier: MIT
+// nearest tiles first, each quad as two triangles, counter-clockwise from above, split along the diagonal
+// from near left to far right.
+// SPDX-License-Identifier: MIT
 #ifndef PGM_PGM_MESH_H
 #define PGM_PGM_MESH_H
 

@@ -1,7 +1,7 @@
 // The sampling camera: where each row of the persistent grid stands on the ground and how fine it reads.
-// PURE: no GL. After Livny et al., "Persistent grid mapping: a GPU-based framework for interactive terrain
-// rendering", The Visual Computer 24(2), 2008, sections 3.1 to 3.5, with its equations put right; the
-// published forms stay selectable.
+// After Livny, Sokolovsky, Grinshpoun and El-Sana, "A GPU persistent grid mapping for terrain rendering",
+// The Visual Computer 24(2), 2008, sections 3.1 to 3.5, with its equations put right; the published forms
+// stay selectable.  PURE: no GL.
 //
 // The sampling camera stands at the eye without roll, looks down by `depression` (Equation 2) and maps the
 // grid onto a sampling plane h below the eye.  A ray at height y of its image plane (focal lengths) has
@@ -12,7 +12,8 @@
 //
 // A vertex is displaced straight up or down, so terrain is covered exactly where the rows' trapezoid covers
 // the ground under the visible part of the slab between the lowest and the highest terrain: that, not the
-// plane, sets its ends and width. SPDX-License-Identifier: MIT
+// plane, sets its ends and width.
+// SPDX-License-Identifier: MIT
 #ifndef PGM_PGM_SAMPLER_H
 #define PGM_PGM_SAMPLER_H
 
