@@ -17,8 +17,9 @@ struct cli_option {
     const char *choices; // CLI_TEXT: accepted words "a|b|c", or NULL for any
 };
 
-// Parses argv[1..]; words that are no options go to words[] (at most *word_count of them on entry, the number found on return).
-// False after one line on stderr: the program then exits with EXIT_COMMAND_LINE.  Lists of options end with a NULL name.
+// Parses argv[1..]; words that are no options go to words[] (at most *word_count of them on entry, the number
+// found on return). False after one line on stderr: the program then exits with EXIT_COMMAND_LINE.  Lists of
+// options end with a NULL name.
 bool cli_parse(int argc, char **argv, const struct cli_option *options, const char **words, int *word_count);
 
 // Prints the options of a table, one a line, for --help.

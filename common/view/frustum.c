@@ -137,7 +137,7 @@ static void add_frustum_corners(struct bounds *bounds, const struct view *view, 
 bool frustum_clip_box(const struct view *view, const double low[3], const double high[3], double rect[4],
                       double *min_depth)
 {
-    struct frustum frustum;
+    struct frustum frustum = {0};
     frustum_init(&frustum, view);
     double guard = box_guard(low, high);
     struct bounds bounds = {.any = false};

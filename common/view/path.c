@@ -213,12 +213,13 @@ static void blur(const double *in, double *out, int count, int reach)
 static bool lift(struct path *path, const struct terrain *terrain, double clearance_m)
 {
     int count = path->count, reach = count / LIFT_SHARE / 3;
-    double *least = calloc((size_t)count * 3, sizeof *least), *rise = least + count, *spare = rise + count;
+    double *least = calloc((size_t)count * 3, sizeof *least);
     int *queue = calloc((size_t)count, sizeof *queue);
     if (!least || !queue) {
         free(least), free(queue);
         return fail("path: out of memory");
     }
+    double *rise = least + count, *spare = rise + count;
     least[0] = ground_at(terrain, path->cameras[0].eye_m[0], path->cameras[0].eye_m[1]) + clearance_m;
     for (int i = 1; i < count; i++) {
         double ground =

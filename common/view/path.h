@@ -17,13 +17,15 @@ struct path_key {
     double yaw, pitch, roll; // radians; yaw is unwrapped between keys along the shorter arc
 };
 
-// Centripetal Catmull-Rom through the keys, arc length made even, heights lifted where they would come closer to
-// the ground than `clearance_m`.  Repeated keys, one key and segments of no length are fine (numerics.md, E6).  `frames`: how
-// many frames the path has by itself.  NULL after one line on stderr when there are no keys.
+// Centripetal Catmull-Rom through the keys, arc length made even, heights lifted where they would come closer
+// to the ground than `clearance_m`.  Repeated keys, one key and segments of no length are fine (numerics.md,
+// E6).  `frames`: how many frames the path has by itself.  NULL after one line on stderr when there are no
+// keys.
 struct path *path_from_keys(const struct terrain *terrain, const struct path_key *keys, int count, int frames,
                             double clearance_m, double fov_vertical);
 
-// A path that suits any terrain: stays above ground, sees near and far, turns, climbs and dives.  Deterministic in the terrain.
+// A path that suits any terrain: stays above ground, sees near and far, turns, climbs and dives.
+// Deterministic in the terrain.
 struct path *path_for_terrain(const struct terrain *terrain, int frames, double fov_vertical);
 
 // One camera a row, as measured: used as they are, linear between rows when resampled.
@@ -33,8 +35,8 @@ void path_destroy(struct path *path);
 
 int path_frames(const struct path *path);
 
-// Camera of frame `frame` when the whole path is resampled to `frames` frames at equal steps (frames == path_frames:
-// the path's own).  frames == 1: the first.
+// Camera of frame `frame` when the whole path is resampled to `frames` frames at equal steps (frames ==
+// path_frames: the path's own).  frames == 1: the first.
 struct camera path_camera(const struct path *path, int frame, int frames);
 
 #endif
