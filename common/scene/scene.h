@@ -2,22 +2,22 @@
 // A scene is JSON with strict keys:
 //
 //   { "name": "puget",
-//     "terrain": "puget_1k_160m.png"                      a file; sought beside the scene, in data/, in
-//     $RELIEF_DATA
+//     "terrain": "puget_1k_160m.png"            a file; sought beside the scene, in data/, in $RELIEF_DATA
 //              | { "file": "x.png" | "builtin": "jacksboro",
 //                  "synthesize_levels": 3, "seed": 1, "filter": "halfband|tent|decimate" },
-//     "path":  "auto"                                     made to suit the terrain
-//            | { "keys": [ { "x": m, "y": m, "height": m, "above_ground": true, "yaw": deg, "pitch": deg,
-//            "roll": deg } ],
+//     "path":  "auto"                           made to suit the terrain
+//            | { "auto": true, "frames": 96 }
+//            | { "keys": [ { "x": m, "y": m, "height": m, "above_ground": true,
+//                            "yaw": deg, "pitch": deg, "roll": deg } ],
 //                "clearance": m, "frames": 96 }
 //            | { "poses": "file.txt", "every": 5, "pitch": -12 }     rows of u v z yaw (see scene.c)
-//            | { "auto": true, "frames": 96 },
 //     "view":  { "width": 640, "height": 480, "fov_vertical": 60, "near": m (optional) },
 //     "effects": { "shading": "common" } }
 //
-// "name" and "terrain" are required; a missing "path" is "auto", a missing "view" 640 x 480 at 60 degrees.  A
-// key frame needs x, y and height; above_ground is false and angles are 0 when missing, clearance 2 m,
-// frames 96. SPDX-License-Identifier: MIT
+// "name" and "terrain" are required; a missing "path" is "auto", a missing "view" 640 x 480 at 60 degrees.
+// A key frame needs x, y and height; above_ground is false and angles are 0 when missing, clearance 2 m,
+// frames 96.
+// SPDX-License-Identifier: MIT
 #ifndef COMMON_SCENE_SCENE_H
 #define COMMON_SCENE_SCENE_H
 

@@ -8,7 +8,8 @@
 // with g the spacing of the level.  It holds for up to 24 levels: lattice_bits + levels - 1 <= 23.
 //
 // Pixels are counted from the bottom left.  Pixel (x, y) covers x..x+1, y..y+1 of the window; its ray goes
-// through its centre, so view_project of that ray gives (x + 0.5, y + 0.5). SPDX-License-Identifier: MIT
+// through its centre, so view_project of that ray gives (x + 0.5, y + 0.5).
+// SPDX-License-Identifier: MIT
 #ifndef COMMON_VIEW_VIEW_H
 #define COMMON_VIEW_VIEW_H
 
@@ -19,8 +20,8 @@
 
 enum { VIEW_HEIGHT_BITS = 8 };
 
-// What a path or a user asks for.  Angles in radians: yaw 0 looks east, pi/2 north; pitch > 0 looks up; roll
-// > 0 lowers the right side.
+// What a path or a user asks for.  Angles in radians: yaw 0 looks east, pi/2 north; pitch > 0 looks up;
+// roll > 0 lowers the right side.
 struct camera {
     double eye_m[3]; // world
     double yaw, pitch, roll;
