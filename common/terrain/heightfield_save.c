@@ -105,8 +105,11 @@ bool heightfield_save(const struct heightfield *field, const char *path, const c
     // Both files are written before either takes its name.
     if (good && !write_text(new_side, text)) good = fail("%s: cannot be written (%s)", side, strerror(errno));
     if (good) good = image_write_grey16(new_png, (int)field->width, (int)field->height, samples);
-    if (good && (rename(new_side, side) != 0 || rename(new_png, path) != 0))
+    if (good && rename(new_side, side) != 0) good = fail("%s: cannot be written (%s)", side, strerror(errno));
+    if (good && rename(new_png, path) != 0) {
         good = fail("%s: cannot be written (%s)", path, strerror(errno));
+        unlink(side);
+    }
     if (!good) {
         unlink(new_side);
         unlink(new_png);
