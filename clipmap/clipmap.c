@@ -1,0 +1,355 @@
+// SPDX-License-Identifier: MIT
+#include "clipmap/clipmap.h"
+
+#include "clipmap/clipmap_select.h"
+#include "common/report.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+enum { KNOB_N, KNOB_TRANSITION, KNOB_ALPHA, KNOB_STITCH, KNOB_FADE, KNOB_CULL };
+
+enum { N_MIN = 15, N_MAX = 1023 };
+
+static const struct renderer_knob knobs[] = {
+    {"n", "samples on a side of a level, odd: more is finer and slower", 255, N_MIN, N_MAX, NULL},
+    {"transition", "width of the morph to the coarser level, as a share of n", 0.1, 0, 0.5, NULL},
+    {"alpha", "morph parameter: as published, or right for cropped regions too", CLIPMAP_ALPHA_STABLE, 0, 1,
+     "published|stable"},
+    {"stitch", "how T-junctions between levels are closed", 1, 0, 1, "none|zero-area"},
+    {"fade", "fade a level before the viewer's height switches it off", 1, 0, 1, "off|on"},
+    {"cull", "draw only blocks that the frustum meets", 1, 0, 1, "off|on"},
+    {NULL, NULL, 0, 0, 0, NULL},
+};
+
+static const double quick_n[] = {31, 63, 127, 255, NAN};
+static const double full_n[] = {15, 31, 47, 63, 95, 127, 191, 255, 383, 511, NAN};
+
+enum { HEIGHTS_UNIT = 0 };
+
+struct clipmap_view { // the levels about one viewer, and what was selected for it
+    struct clipmap_store stores[CLIPMAP_MAX_LEVELS];
+    struct clipmap_region regions[CLIPMAP_MAX_LEVELS];
+    struct view_origin eyes[CLIPMAP_MAX_LEVELS];
+    struct clipmap_selection selection;
+    GLuint heights; // one layer a level
+    GLuint corners; // of the selection
+    GLuint vertex_array;
+    uint64_t samples_updated; // this frame
+};
+
+struct clipmap_program {
+    struct gpu_program program;
+    GLint heights, slot, place, sides, morph;
+};
+
+struct clipmap {
+    struct renderer base;
+    struct gpu *gpu;
+    const struct terrain *terrain;
+    struct clipmap_shape shape;
+    struct clipmap_choice choice;
+    struct clipmap_mesh mesh;
+    struct clipmap_scratch scratch;
+    struct clipmap_view views[RENDERER_MAX_VIEWS]; // each is made when it is first used
+    int view_count;
+    struct clipmap_program programs[PASS_COUNT];
+    GLuint indices;
+};
+
+// ---- levels about one viewer
+// ------------------------------------------------------------------------------------
+
+static void create_heights(const struct clipmap *c, struct clipmap_view *view)
+{
+    glGenTextures(1, &view->heights);
+    glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, view->heights);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAX_LEVEL, 0);
+    glTexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_RG32F, c->shape.size, c->shape.size, c->shape.levels, 0, GL_RG,
+                 GL_FLOAT, NULL);
+}
+
+static void create_vertex_array(struct clipmap *c, struct clipmap_view *view)
+{
+    glGenVertexArrays(1, &view->vertex_array);
+    glBindVertexArray(view->vertex_array);
+    glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, c->indices);
+    glGenBuffers(1, &view->corners);
+    glBindBuffer(GL_ARRAY_BUFFER, view->corners);
+    gpu_buffer_data(c->gpu, GL_ARRAY_BUFFER,
+                    (size_t)view->selection.capacity * sizeof *view->selection.corners, NULL, GL_STREAM_DRAW);
+    glEnableVertexAttribArray(0);
+    glVertexAttribDivisor(0, 1);
+}
+
+static bool create_view(struct clipmap *c, struct clipmap_view *view)
+{
+    int finest = terrain_info(c->terrain)->finest;
+    for (int k = 0; k < c->shape.levels; k++)
+        if (!clipmap_store_init(&view->stores[k], c->terrain, finest + k, k < c->shape.levels - 1,
+                                c->shape.size))
+            return false;
+    if (!clipmap_selection_init(&view->selection, &c->shape)) return false;
+    create_heights(c, view);
+    create_vertex_array(c, view);
+    return true;
+}
+
+static void destroy_view(struct clipmap_view *view)
+{
+    for (int k = 0; k < CLIPMAP_MAX_LEVELS; k++) clipmap_store_finish(&view->stores[k]);
+    clipmap_selection_finish(&view->selection);
+    if (!view->heights) return; // GL objects come last, all or none
+    glDeleteTextures(1, &view->heights);
+    glDeleteBuffers(1, &view->corners);
+    glDeleteVertexArrays(1, &view->vertex_array);
+}
+
+// ---- update
+// -----------------------------------------------------------------------------------------------------
+
+struct layer {
+    struct gpu *gpu;
+    int index;
+};
+
+static void write_layer(void *user, int slot_x, int slot_y, int width, int height, const float (*pairs)[2])
+{
+    const struct layer *layer = user;
+    gpu_texture_sub_image(layer->gpu, GL_TEXTURE_2D_ARRAY, layer->index, slot_x, slot_y, width, height, GL_RG,
+                          GL_FLOAT, pairs);
+}
+
+// Height of the viewer over the ground below it, or, off the map, over the nearest ground.
+static double height_over_ground(const struct terrain *terrain, const struct view *view)
+{
+    const struct terrain_info *info = terrain_info(terrain);
+    double place[3], ground_q = info->min_q;
+    terrain_place_from_world(terrain, view->eye_m, place);
+    for (int axis = 0; axis < 2; axis++)
+        place[axis] = fmin(fmax(place[axis], info->outline_m[axis]), info->outline_m[axis + 2]);
+    terrain_truth_at(terrain, place[0], place[1], &ground_q, NULL);
+    return place[2] - (ground_q * info->quantum_m + info->offset_m);
+}
+
+// Sections 4 and 5: coarse to fine, each level up to date in the same frame.
+static void update_view(struct clipmap *c, struct clipmap_view *own, const struct view *view)
+{
+    struct clipmap_box clips[CLIPMAP_MAX_LEVELS];
+    double height_m = height_over_ground(c->terrain, view);
+    int finest = terrain_info(c->terrain)->finest;
+    own->samples_updated = 0;
+    glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, own->heights);
+    for (int k = c->shape.levels - 1; k >= 0; k--) {
+        own->eyes[k] = view_level_origin(view, finest + k);
+        struct clipmap_box desired = clipmap_desired(&c->shape, k, &own->eyes[k], height_m);
+        struct layer layer = {c->gpu, k};
+        own->samples_updated +=
+            clipmap_store_move(&own->stores[k], &desired, &c->scratch, write_layer, &layer);
+        clips[k] = own->stores[k].clip;
+    }
+    clipmap_regions(&c->shape, own->eyes, height_m, clips, own->regions);
+    clipmap_select(&own->selection, &c->shape, &c->choice, &c->mesh, own->regions, own->stores, own->eyes,
+                   view);
+    glBindBuffer(GL_ARRAY_BUFFER, own->corners);
+    gpu_buffer_data(c->gpu, GL_ARRAY_BUFFER,
+                    (size_t)own->selection.corner_count * sizeof *own->selection.corners,
+                    own->selection.corners, GL_STREAM_DRAW);
+}
+
+static void begin_frame(struct renderer *renderer, int frame)
+{
+    (void)frame;
+    ((struct clipmap *)renderer)->view_count = 0;
+}
+
+static bool update(struct renderer *renderer, const struct view *views, int count)
+{
+    struct clipmap *c = (struct clipmap *)renderer;
+    for (int i = 0; i < count; i++) {
+        if (!c->views[i].heights && !create_view(c, &c->views[i])) return false;
+        update_view(c, &c->views[i], &views[i]);
+    }
+    c->view_count = count;
+    return true;
+}
+
+// ---- draw
+// -------------------------------------------------------------------------------------------------------
+
+static void set_level(const struct clipmap *c, const struct clipmap_program *program,
+                      const struct clipmap_view *view, int k)
+{
+    const struct clipmap_region *region = &view->regions[k];
+    const struct clipmap_store *store = &view->stores[k];
+    const struct view_origin *eye = &view->eyes[k];
+    struct terrain_level level = terrain_level(c->terrain, store->level);
+    GLint slot[3] = {0, 0, k};
+    for (int axis = 0; axis < 2; axis++)
+        slot[axis] =
+            (GLint)(eye->base[axis] - store->clip.lo[axis]) + clipmap_slot(store->clip.lo[axis], store->size);
+    glUniform3iv(program->slot, 1, slot);
+    glUniform4f(program->place, eye->fraction[0], eye->fraction[1], (float)level.spacing_m[0],
+                (float)level.spacing_m[1]);
+    glUniform4f(program->sides, region->low[0], region->low[1], region->high[0], region->high[1]);
+    glUniform3f(program->morph, region->width, 1.0f / region->width, region->fade);
+}
+
+static void draw_some(const struct clipmap *c, const struct clipmap_program *program,
+                      const struct clipmap_view *view, int first, int end)
+{
+    for (int i = first, level = -1; i < end; i++) {
+        const struct clipmap_draw *draw = &view->selection.draws[i];
+        const struct clipmap_list *list = &c->mesh.lists[draw->kind];
+        if (draw->level != level) set_level(c, program, view, level = draw->level);
+        glVertexAttribIPointer(0, 2, GL_INT, 0,
+                               (const void *)((uintptr_t)draw->first * sizeof *view->selection.corners));
+        gpu_draw_elements_instanced(c->gpu, GL_TRIANGLES, list->count, GL_UNSIGNED_SHORT, list->first, 0,
+                                    draw->count, (uint64_t)draw->count * list->count / 3);
+    }
+}
+
+static void draw(struct renderer *renderer, int view_index, enum render_pass pass)
+{
+    struct clipmap *c = (struct clipmap *)renderer;
+    const struct clipmap_view *view = &c->views[view_index];
+    const struct clipmap_program *program = &c->programs[pass];
+    gpu_use_program(c->gpu, &program->program);
+    glUniform1i(program->heights, HEIGHTS_UNIT);
+    glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, view->heights);
+    glBindVertexArray(view->vertex_array);
+    glBindBuffer(GL_ARRAY_BUFFER, view->corners);
+    int blocks = view->selection.draw_count - view->selection.stitch_draws;
+    draw_some(c, program, view, 0, blocks);
+    glEnable(GL_CULL_FACE);
+    draw_some(c, program, view, blocks, view->selection.draw_count);
+    glDisable(GL_CULL_FACE);
+}
+
+static void stats(const struct renderer *renderer, struct renderer_stats *stats)
+{
+    const struct clipmap *c = (const struct clipmap *)renderer;
+    const struct clipmap_view *view = &c->views[0];
+    size_t bytes = c->mesh.count * sizeof *c->mesh.indices;
+    uint64_t samples = 0;
+    for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {
+        const struct clipmap_view *v = &c->views[i];
+        if (i < c->view_count) samples += v->samples_updated;
+        if (v->heights)
+            bytes +=
+                (size_t)c->shape.size * (size_t)c->shape.size * (size_t)c->shape.levels * 2 * sizeof(float) +
+                (size_t)v->selection.capacity * sizeof *v->selection.corners;
+    }
+    *stats = (struct renderer_stats){
+        .triangles = c->view_count > 0 ? view->selection.triangles : 0,
+        .claimed_error_px = NAN,
+        .resident_bytes = bytes,
+        .counters = {{"levels", view->selection.levels},
+                     {"samples_updated", (double)samples},
+                     {"blocks", view->selection.blocks},
+                     {"culled", view->selection.culled}},
+    };
+}
+
+// ---- creation
+// ---------------------------------------------------------------------------------------------------
+
+static bool build_programs(struct clipmap *c, const struct scene_effects *effects)
+{
+    char defines[96];
+    snprintf(defines, sizeof defines, "#define SIZE %d\n#define ROW %d\n%s", c->shape.size, CLIPMAP_ROW,
+             c->shape.rules.alpha == CLIPMAP_ALPHA_PUBLISHED ? "#define PUBLISHED_ALPHA\n" : "");
+    for (int pass = 0; pass < PASS_COUNT; pass++) {
+        struct clipmap_program *p = &c->programs[pass];
+        if (!gpu_program_build(c->gpu, &p->program, "clipmap/clipmap.vert", defines, effects,
+                               (enum render_pass)pass))
+            return false;
+        p->heights = glGetUniformLocation(p->program.name, "heights");
+        p->slot = glGetUniformLocation(p->program.name, "slot");
+        p->place = glGetUniformLocation(p->program.name, "place");
+        p->sides = glGetUniformLocation(p->program.name, "sides");
+        p->morph = glGetUniformLocation(p->program.name, "morph");
+    }
+    return true;
+}
+
+static bool set_shape(struct clipmap *c, const double *values)
+{
+    double n = values[KNOB_N];
+    if (!(n >= N_MIN && n <= N_MAX) || fmod(n, 2) != 1)
+        return fail("clipmap: n is %g; an odd number from %d to %d is expected", n, N_MIN, N_MAX);
+    struct clipmap_rules rules = {.n = (int)n,
+                                  .transition = values[KNOB_TRANSITION],
+                                  .alpha = (enum clipmap_alpha)values[KNOB_ALPHA],
+                                  .fade = values[KNOB_FADE] != 0};
+    c->choice = (struct clipmap_choice){.cull = values[KNOB_CULL] != 0, .stitch = values[KNOB_STITCH] != 0};
+    const struct terrain_info *info = terrain_info(c->terrain);
+    struct terrain_level finest = terrain_level(c->terrain, info->finest);
+    clipmap_shape_init(&c->shape, &rules, info->coarsest - info->finest + 1, &finest.extent,
+                       fmax(finest.spacing_m[0], finest.spacing_m[1]));
+    int most = gpu_info(c->gpu)->max_texture_size;
+    if (c->shape.size <= most) return true;
+    return fail("clipmap: a level of %d x %d samples: textures of this OpenGL driver have at most %d",
+                c->shape.size, c->shape.size, most);
+}
+
+static void destroy(struct renderer *renderer)
+{
+    struct clipmap *c = (struct clipmap *)renderer;
+    if (!c) return;
+    for (int pass = 0; pass < PASS_COUNT; pass++) gpu_program_finish(&c->programs[pass].program);
+    for (int i = 0; i < RENDERER_MAX_VIEWS; i++) destroy_view(&c->views[i]);
+    if (c->indices) glDeleteBuffers(1, &c->indices);
+    clipmap_mesh_finish(&c->mesh);
+    clipmap_scratch_finish(&c->scratch);
+    free(c);
+}
+
+static bool init(struct clipmap *c, const struct renderer_desc *desc)
+{
+    c->gpu = desc->gpu;
+    c->terrain = desc->terrain;
+    if (!set_shape(c, desc->knobs) || !clipmap_mesh_init(&c->mesh) ||
+        !clipmap_scratch_init(&c->scratch, c->shape.size) || !build_programs(c, desc->effects))
+        return false;
+    glBindVertexArray(0); // the element array belongs to whichever vertex array is bound
+    glGenBuffers(1, &c->indices);
+    glBindBuffer(GL_ARRAY_BUFFER, c->indices);
+    gpu_buffer_data(c->gpu, GL_ARRAY_BUFFER, c->mesh.count * sizeof *c->mesh.indices, c->mesh.indices,
+                    GL_STATIC_DRAW);
+    return create_view(c, &c->views[0]);
+}
+
+static struct renderer *create(const struct renderer_desc *desc)
+{
+    struct clipmap *c = calloc(1, sizeof *c);
+    if (!c) {
+        fail("clipmap: no memory");
+        return NULL;
+    }
+    c->base.type = &clipmap_renderer;
+    if (init(c, desc)) return &c->base;
+    destroy(&c->base);
+    return NULL;
+}
+
+const struct renderer_type clipmap_renderer = {
+    .name = "clipmap",
+    .summary = "nested grids about the viewer, toroidal update, morphed and stitched borders",
+    .knobs = knobs,
+    .quality_knob = "n",
+    .quick = quick_n,
+    .full = full_n,
+    .create = create,
+    .begin_frame = begin_frame,
+    .update = update,
+    .draw = draw,
+    .stats = stats,
+    .destroy = destroy,
+};

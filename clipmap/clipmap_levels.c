@@ -1,0 +1,342 @@
+// SPDX-License-Identifier: MIT
+#include "clipmap/clipmap_levels.h"
+
+#include <math.h>
+#include <string.h>
+
+static const float far_side = 1e9f; // a closed side: no vertex is near it
+
+const struct clipmap_box clipmap_empty = {{0, 0}, {-1, -1}};
+
+bool clipmap_box_is_empty(const struct clipmap_box *box)
+{
+    return box->hi[0] < box->lo[0] || box->hi[1] < box->lo[1];
+}
+
+bool clipmap_box_holds(const struct clipmap_box *outer, const struct clipmap_box *inner)
+{
+    if (clipmap_box_is_empty(inner)) return true;
+    for (int axis = 0; axis < 2; axis++)
+        if (inner->lo[axis] < outer->lo[axis] || inner->hi[axis] > outer->hi[axis]) return false;
+    return true;
+}
+
+bool clipmap_box_equal(const struct clipmap_box *a, const struct clipmap_box *b)
+{
+    return memcmp(a, b, sizeof *a) == 0;
+}
+
+uint64_t clipmap_box_samples(const struct clipmap_box *box)
+{
+    if (clipmap_box_is_empty(box)) return 0;
+    return (uint64_t)(box->hi[0] - box->lo[0] + 1) * (uint64_t)(box->hi[1] - box->lo[1] + 1);
+}
+
+int64_t clipmap_floor_div(int64_t a, int64_t b)
+{
+    return a / b - (a % b < 0);
+}
+
+int clipmap_slot(int64_t index, int size)
+{
+    return (int)(index - clipmap_floor_div(index, size) * size);
+}
+
+static int64_t even_down(int64_t i)
+{
+    return 2 * clipmap_floor_div(i, 2);
+}
+
+static int64_t even_up(int64_t i)
+{
+    return 2 * clipmap_floor_div(i + 1, 2);
+}
+
+static int64_t larger(int64_t a, int64_t b)
+{
+    return a > b ? a : b;
+}
+
+static int64_t smaller(int64_t a, int64_t b)
+{
+    return a < b ? a : b;
+}
+
+static struct clipmap_box intersect(const struct clipmap_box *a, const struct clipmap_box *b)
+{
+    struct clipmap_box both;
+    for (int axis = 0; axis < 2; axis++) {
+        both.lo[axis] = larger(a->lo[axis], b->lo[axis]);
+        both.hi[axis] = smaller(a->hi[axis], b->hi[axis]);
+    }
+    return both;
+}
+
+void clipmap_shape_init(struct clipmap_shape *shape, const struct clipmap_rules *rules, int available,
+                        const struct terrain_extent *finest, double finest_spacing_m)
+{
+    *shape = (struct clipmap_shape){.rules = *rules};
+    if (available > CLIPMAP_MAX_LEVELS) available = CLIPMAP_MAX_LEVELS;
+    int64_t lo[2] = {finest->x0, finest->y0}, hi[2] = {finest->x1 - 1, finest->y1 - 1}, longest;
+    do {
+        struct clipmap_box *map = &shape->map[shape->levels];
+        longest = 0;
+        for (int axis = 0; axis < 2; axis++) {
+            map->lo[axis] = even_down(lo[axis]);
+            map->hi[axis] = even_up(hi[axis]);
+            lo[axis] = clipmap_floor_div(lo[axis], 2);
+            hi[axis] = -clipmap_floor_div(-hi[axis], 2);
+            longest = larger(longest, map->hi[axis] - map->lo[axis] + 1);
+        }
+        shape->spacing_m[shape->levels] = ldexp(finest_spacing_m, shape->levels);
+        shape->levels++;
+    } while (longest > rules->n && shape->levels < available);
+    shape->size = (int)larger(rules->n, longest) + CLIPMAP_MARGIN;
+}
+
+// n x n samples, the viewer within one cell of the centre, all four sides on even samples (section 5,
+// constraint 3).
+static struct clipmap_box centred(int n, const struct view_origin *eye)
+{
+    struct clipmap_box box;
+    for (int axis = 0; axis < 2; axis++) {
+        box.lo[axis] = even_down(eye->base[axis] - (n - 1) / 2 + 1);
+        box.hi[axis] = box.lo[axis] + n - 1;
+    }
+    return box;
+}
+
+static bool is_coarsest(const struct clipmap_shape *shape, int k)
+{
+    return k == shape->levels - 1;
+}
+
+static struct clipmap_box wanted(const struct clipmap_shape *shape, int k,
+                                 const struct clipmap_box *about_viewer, double height_m)
+{
+    if (is_coarsest(shape, k)) return shape->map[k];
+    if (height_m > 0.4 * shape->rules.n * shape->spacing_m[k]) return clipmap_empty;
+    struct clipmap_box box = intersect(about_viewer, &shape->map[k]);
+    for (int axis = 0; axis < 2; axis++)
+        if (box.hi[axis] - box.lo[axis] < 2) return clipmap_empty;
+    return box;
+}
+
+struct clipmap_box clipmap_desired(const struct clipmap_shape *shape, int k, const struct view_origin *eye,
+                                   double height_m)
+{
+    struct clipmap_box about_viewer = centred(shape->rules.n, eye);
+    return wanted(shape, k, &about_viewer, height_m);
+}
+
+struct clipmap_box clipmap_follow(const struct clipmap_box *clip, const struct clipmap_box *desired, int size)
+{
+    if (clipmap_box_is_empty(desired)) return *clip;
+    struct clipmap_box next = *clip;
+    bool fresh = clipmap_box_is_empty(clip);
+    for (int axis = 0; axis < 2; axis++) {
+        int64_t lo = desired->lo[axis], hi = desired->hi[axis];
+        if (fresh)
+            next.lo[axis] = lo - (size - (hi - lo + 1)) / 2;
+        else if (lo < clip->lo[axis])
+            next.lo[axis] = lo;
+        else if (hi > clip->hi[axis])
+            next.lo[axis] = hi - size + 1;
+        next.hi[axis] = next.lo[axis] + size - 1;
+    }
+    return next;
+}
+
+int clipmap_exposed(const struct clipmap_box *before, const struct clipmap_box *now,
+                    struct clipmap_box exposed[4])
+{
+    struct clipmap_box kept = intersect(before, now), rest = *now;
+    if (clipmap_box_is_empty(before) || clipmap_box_is_empty(&kept)) {
+        exposed[0] = *now;
+        return clipmap_box_is_empty(now) ? 0 : 1;
+    }
+    int count = 0;
+    for (int axis = 1; axis >= 0; axis--) { // whole rows first, then what is left of the columns
+        if (rest.lo[axis] < kept.lo[axis]) {
+            exposed[count] = rest;
+            exposed[count++].hi[axis] = kept.lo[axis] - 1;
+        }
+        if (rest.hi[axis] > kept.hi[axis]) {
+            exposed[count] = rest;
+            exposed[count++].lo[axis] = kept.hi[axis] + 1;
+        }
+        rest.lo[axis] = kept.lo[axis];
+        rest.hi[axis] = kept.hi[axis];
+    }
+    return count;
+}
+
+int clipmap_unwrap(const struct clipmap_box *box, int size, struct clipmap_box pieces[4])
+{
+    int count = 0;
+    for (int64_t y = box->lo[1], y_next; y <= box->hi[1]; y = y_next) {
+        y_next = smaller(y + size - clipmap_slot(y, size), box->hi[1] + 1);
+        for (int64_t x = box->lo[0], x_next; x <= box->hi[0]; x = x_next) {
+            x_next = smaller(x + size - clipmap_slot(x, size), box->hi[0] + 1);
+            pieces[count++] = (struct clipmap_box){{x, y}, {x_next - 1, y_next - 1}};
+        }
+    }
+    return count;
+}
+
+// ---- active regions
+// -----------------------------------------------------------------------------------------
+
+// Crops to the samples in memory and, where the coarser level has an open side, to two of its cells within it
+// (section 5, constraints 2 to 4).  Beside a closed side the coarser level goes on to the map's edge and
+// needs no room.
+static void crop(struct clipmap_box *box, const struct clipmap_box *clip,
+                 const struct clipmap_region *coarser)
+{
+    for (int axis = 0; axis < 2; axis++) {
+        if (clip) {
+            box->lo[axis] = larger(box->lo[axis], even_up(clip->lo[axis]));
+            box->hi[axis] = smaller(box->hi[axis], even_down(clip->hi[axis]));
+        }
+        if (!coarser) continue;
+        int64_t low_room = coarser->open[axis] ? 2 : 0, high_room = coarser->open[axis + 2] ? 2 : 0;
+        box->lo[axis] = larger(box->lo[axis], 2 * (coarser->active.lo[axis] + low_room));
+        box->hi[axis] = smaller(box->hi[axis], 2 * (coarser->active.hi[axis] - high_room));
+    }
+    for (int axis = 0; axis < 2; axis++)
+        if (box->hi[axis] - box->lo[axis] < 2) *box = clipmap_empty;
+}
+
+static void set_active(const struct clipmap_shape *shape, int k, const struct clipmap_box *about_viewer,
+                       double height_m, const struct clipmap_box *clip, const struct clipmap_region *coarser,
+                       struct clipmap_region *region)
+{
+    *region = (struct clipmap_region){.active = clipmap_empty, .hole = clipmap_empty, .width = 1};
+    if (coarser && clipmap_box_is_empty(&coarser->active)) return; // then all finer levels are empty too
+    region->active = wanted(shape, k, about_viewer, height_m);
+    if (clipmap_box_is_empty(&region->active)) return;
+    crop(&region->active, clip, coarser);
+    if (!coarser) return;
+    for (int axis = 0; axis < 2; axis++) {
+        region->open[axis] = region->active.lo[axis] != shape->map[k].lo[axis];
+        region->open[axis + 2] = region->active.hi[axis] != shape->map[k].hi[axis];
+    }
+}
+
+static struct clipmap_box hole_of(const struct clipmap_region *finer)
+{
+    if (clipmap_box_is_empty(&finer->active)) return clipmap_empty;
+    struct clipmap_box hole;
+    for (int axis = 0; axis < 2; axis++) {
+        hole.lo[axis] = finer->active.lo[axis] / 2; // even: exact
+        hole.hi[axis] = finer->active.hi[axis] / 2;
+    }
+    return hole;
+}
+
+// ---- morph
+// --------------------------------------------------------------------------------------------------
+
+// Cells between the hole and the nearest open side.
+static double least_width(const struct clipmap_region *region)
+{
+    double least = INFINITY;
+    if (clipmap_box_is_empty(&region->hole)) return least;
+    for (int axis = 0; axis < 2; axis++) {
+        if (region->open[axis])
+            least = fmin(least, (double)(region->hole.lo[axis] - region->active.lo[axis]));
+        if (region->open[axis + 2])
+            least = fmin(least, (double)(region->active.hi[axis] - region->hole.hi[axis]));
+    }
+    return least;
+}
+
+// Section 6.2 as printed: alpha from the distance to the viewer and half the extent, wherever the viewer
+// stands in the region.
+static void set_published(struct clipmap_region *region, const struct view_origin *eye, double width)
+{
+    for (int axis = 0; axis < 2; axis++) {
+        double half = (double)(region->active.hi[axis] - region->active.lo[axis]) / 2;
+        if (region->open[axis]) region->low[axis] = (float)((double)eye->fraction[axis] - half + 1);
+        if (region->open[axis + 2]) region->high[axis] = (float)((double)eye->fraction[axis] + half - 1);
+    }
+    region->width = (float)width;
+}
+
+// CM1 to CM3.  A side where the viewer puts it morphs by the viewer's continuous place, so that nothing jumps
+// when the region snaps: that band ends up to two cells farther in than the perimeter form's, and needs their
+// room.
+static void set_stable(struct clipmap_region *region, const struct view_origin *eye,
+                       const struct clipmap_box *about_viewer, int n, double width, double least)
+{
+    bool room = width + 2 <= least;
+    for (int axis = 0; axis < 2; axis++) {
+        double middle = (double)eye->fraction[axis], half = (n - 1) / 2;
+        bool low_placed = region->active.lo[axis] == about_viewer->lo[axis];
+        bool high_placed = region->active.hi[axis] == about_viewer->hi[axis];
+        if (region->open[axis])
+            region->low[axis] =
+                (float)(room && low_placed ? middle - half + 1
+                                           : (double)(region->active.lo[axis] - eye->base[axis]));
+        if (region->open[axis + 2])
+            region->high[axis] =
+                (float)(room && high_placed ? middle + half - 1
+                                            : (double)(region->active.hi[axis] - eye->base[axis]));
+    }
+    region->width = (float)fmin(width, least);
+}
+
+static float fade_of(const struct clipmap_shape *shape, int k, double height_m)
+{
+    if (!shape->rules.fade || is_coarsest(shape, k)) return 0;
+    double share = height_m / (shape->rules.n * shape->spacing_m[k]);
+    return (float)fmin(fmax((share - 0.3) / 0.1, 0), 1);
+}
+
+static void set_morph(const struct clipmap_shape *shape, int k, const struct view_origin *eye,
+                      double height_m, const struct clipmap_box *about_viewer, struct clipmap_region *region)
+{
+    const struct clipmap_rules *rules = &shape->rules;
+    double width = fmax(rules->transition * rules->n, 1), least = least_width(region);
+    for (int axis = 0; axis < 2; axis++) {
+        region->low[axis] = -far_side;
+        region->high[axis] = far_side;
+    }
+    if (rules->alpha == CLIPMAP_ALPHA_PUBLISHED) {
+        set_published(region, eye, fmin(width, least));
+    } else {
+        double uncropped = floor((rules->n - 3) / 4.0); // least_width() of regions that nothing cropped
+        set_stable(region, eye, about_viewer, rules->n, fmin(width, fmax(uncropped - 2, 1)), least);
+    }
+    region->fade = fade_of(shape, k, height_m);
+}
+
+void clipmap_regions(const struct clipmap_shape *shape, const struct view_origin *eyes, double height_m,
+                     const struct clipmap_box *clips, struct clipmap_region *regions)
+{
+    struct clipmap_box about_viewer[CLIPMAP_MAX_LEVELS];
+    for (int k = shape->levels - 1; k >= 0; k--) {
+        about_viewer[k] = centred(shape->rules.n, &eyes[k]);
+        set_active(shape, k, &about_viewer[k], height_m, clips ? &clips[k] : NULL,
+                   is_coarsest(shape, k) ? NULL : &regions[k + 1], &regions[k]);
+    }
+    for (int k = 0; k < shape->levels; k++) {
+        if (clipmap_box_is_empty(&regions[k].active)) continue;
+        if (k > 0) regions[k].hole = hole_of(&regions[k - 1]);
+        set_morph(shape, k, &eyes[k], height_m, &about_viewer[k], &regions[k]);
+    }
+}
+
+float clipmap_alpha_at(const struct clipmap_region *region, enum clipmap_alpha form, int cell_x, int cell_y)
+{
+    float x = (float)cell_x, y = (float)cell_y;
+    float d =
+        fminf(fminf(x - region->low[0], region->high[0] - x), fminf(y - region->low[1], region->high[1] - y));
+    float alpha = fminf(fmaxf((region->width - d) * (1.0f / region->width), region->fade), 1.0f);
+    return form == CLIPMAP_ALPHA_STABLE && d <= 0.0f ? 1.0f : alpha;
+}
+
+float clipmap_morphed(float z, float z_c, float alpha)
+{
+    return alpha >= 1.0f ? z_c : z + (z_c - z) * alpha;
+}

@@ -1,0 +1,102 @@
+// Which part of each level is kept, drawn and morphed for a viewer (Losasso & Hoppe 2004, sections 3 to 6.2).
+// PURE.
+//
+// Levels are counted from the finest drawn: level k has spacing g_k = g_0 2^k.  A box is a rectangle of
+// samples of one level, both ends included.  Three boxes a level:
+//   clip region    the samples in memory; it follows the viewer and lags behind by up to CLIPMAP_MARGIN
+//   active region  n x n samples about the viewer, within the map, cropped to the clip region and to the
+//                  coarser active region less two cells; its open sides lie on even samples
+//   render region  active region less the active region of the next finer level (the hole)
+// The coarsest level holds the whole map and does not follow the viewer, so that the map is always covered.
+//
+// The active region is a function of the view alone, without memory: two visits to one view draw the same
+// picture.  What damps jitter is the clip region's margin (numerics.md, B7): no sample is read again while
+// the viewer swings about a snapping line.
+//
+// A side of an active region is *open* when it borders on the coarser level, and closed when it lies on the
+// map's edge.  Only open sides morph and are stitched. SPDX-License-Identifier: MIT
+#ifndef CLIPMAP_CLIPMAP_LEVELS_H
+#define CLIPMAP_CLIPMAP_LEVELS_H
+
+#include "common/view/view.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+enum { CLIPMAP_MAX_LEVELS = 40, CLIPMAP_MARGIN = 2 };
+
+// The morph parameter: the half extent about the viewer, as printed in section 6.2, or the corrected form
+// (numerics.md, CM1 to CM3), which is the viewer form where a side is where the viewer puts it and the
+// distance to the actual perimeter where the side was cropped.
+enum clipmap_alpha { CLIPMAP_ALPHA_PUBLISHED, CLIPMAP_ALPHA_STABLE };
+
+enum clipmap_side { CLIPMAP_WEST, CLIPMAP_SOUTH, CLIPMAP_EAST, CLIPMAP_NORTH, CLIPMAP_SIDES };
+
+struct clipmap_box {
+    int64_t lo[2], hi[2]; // x, y; empty when hi < lo
+};
+extern const struct clipmap_box clipmap_empty;
+bool clipmap_box_is_empty(const struct clipmap_box *box);
+bool clipmap_box_holds(const struct clipmap_box *outer,
+                       const struct clipmap_box *inner); // true for an empty inner
+bool clipmap_box_equal(const struct clipmap_box *a, const struct clipmap_box *b);
+uint64_t clipmap_box_samples(const struct clipmap_box *box);
+
+int64_t clipmap_floor_div(int64_t a, int64_t b); // b > 0; rounds towards minus infinity (numerics.md, B5)
+int clipmap_slot(int64_t index, int size);       // toroidal slot, 0 .. size - 1, of any index
+
+struct clipmap_rules { // what a user chooses
+    int n;             // samples on a side of an active region, odd, at least 11
+    double transition; // width of the morph, as a share of n
+    enum clipmap_alpha alpha;
+    bool fade; // fade a level before height switches it off (CM6)
+};
+
+struct clipmap_shape { // what stays the same in flight
+    struct clipmap_rules rules;
+    int levels;                                 // the last holds the whole map
+    int size;                                   // samples on a side of the toroidal store of a level
+    struct clipmap_box map[CLIPMAP_MAX_LEVELS]; // the map, rounded outward to even samples
+    double spacing_m[CLIPMAP_MAX_LEVELS];       // larger of x and y
+};
+
+// available: levels that the terrain has, at least 1.  finest: extent of its finest level.
+void clipmap_shape_init(struct clipmap_shape *shape, const struct clipmap_rules *rules, int available,
+                        const struct terrain_extent *finest, double finest_spacing_m);
+
+// The active region that level k wants: section 4.  Empty when the viewer is higher than 0.4 n g above
+// ground, or away from the map.
+struct clipmap_box clipmap_desired(const struct clipmap_shape *shape, int k, const struct view_origin *eye,
+                                   double height_m);
+
+// Moves a clip region of size x size samples as little as holds `desired`; an empty one is centred on it.
+struct clipmap_box clipmap_follow(const struct clipmap_box *clip, const struct clipmap_box *desired,
+                                  int size);
+
+// The samples of `now` that are not in `before`: up to 4 boxes that do not overlap ("L-shaped", section 5).
+int clipmap_exposed(const struct clipmap_box *before, const struct clipmap_box *now,
+                    struct clipmap_box exposed[4]);
+
+// Cuts a box, no larger than size x size, where its slots wrap: up to 4 boxes, each a plain rectangle of
+// slots.
+int clipmap_unwrap(const struct clipmap_box *box, int size, struct clipmap_box pieces[4]);
+
+struct clipmap_region {
+    struct clipmap_box active; // empty: the level is not drawn
+    struct clipmap_box hole;   // the finer active region in samples of this level; empty: none
+    bool open[CLIPMAP_SIDES];
+    // Morph, for vertex at `cell` = index - floor(eye / g):  d = min(cell - low, high - cell) over x and y;
+    // alpha = max(fade, clamp((width - d) / width, 0, 1)), and 1 where d <= 0 (stable form).
+    float low[2], high[2], width, fade;
+};
+
+// Crops coarse to fine (section 6.1) and sets the morph.  eyes[k]: the eye in the grid of level k.  clips[k]:
+// samples in memory; NULL: all there is.
+void clipmap_regions(const struct clipmap_shape *shape, const struct view_origin *eyes, double height_m,
+                     const struct clipmap_box *clips, struct clipmap_region *regions);
+
+// The morph in float32, step by step as the vertex program does it.
+float clipmap_alpha_at(const struct clipmap_region *region, enum clipmap_alpha form, int cell_x, int cell_y);
+float clipmap_morphed(float z, float z_c, float alpha);
+
+#endif

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: MIT
+#include "clipmap/clipmap_select.h"
+
+#include "common/report.h"
+
+#include <assert.h>
+#include <stdlib.h>
+
+struct culler {
+    struct clipmap_selection *selection;
+    const struct clipmap_store *store;
+    const struct view_origin *eye;
+    struct frustum frustum;
+    double spacing_m[2], quantum_m, eye_q;
+    unsigned mask; // planes worth testing for the level in work
+    bool outside;  // the whole level is
+};
+
+bool clipmap_selection_init(struct clipmap_selection *selection, const struct clipmap_shape *shape)
+{
+    int side = shape->size / CLIPMAP_BLOCK + 3; // each of four rectangles rounds its blocks up
+    int of_level = side * side + CLIPMAP_SIDES * side;
+    *selection = (struct clipmap_selection){.capacity = shape->levels * of_level};
+    size_t count = (size_t)selection->capacity;
+    selection->corners = malloc(count * sizeof *selection->corners);
+    selection->draws = malloc(count * sizeof *selection->draws);
+    selection->pieces = malloc((size_t)of_level * sizeof *selection->pieces);
+    if (selection->corners && selection->draws && selection->pieces) return true;
+    return fail("clipmap: no memory for a list of %zu blocks", count);
+}
+
+void clipmap_selection_finish(struct clipmap_selection *selection)
+{
+    free(selection->corners);
+    free(selection->draws);
+    free(selection->pieces);
+    *selection = (struct clipmap_selection){.corners = NULL};
+}
+
+static enum frustum_side test_box(const struct culler *culler, const struct clipmap_box *box, unsigned *mask)
+{
+    struct clipmap_range range = clipmap_store_range(culler->store, box);
+    double low[3], high[3];
+    for (int axis = 0; axis < 2; axis++) {
+        double base = (double)culler->eye->fraction[axis];
+        low[axis] = ((double)(box->lo[axis] - culler->eye->base[axis]) - base) * culler->spacing_m[axis];
+        high[axis] = ((double)(box->hi[axis] - culler->eye->base[axis]) - base) * culler->spacing_m[axis];
+    }
+    low[2] = (range.low - culler->eye_q) * culler->quantum_m;
+    high[2] = (range.high - culler->eye_q) * culler->quantum_m;
+    return frustum_test_box(&culler->frustum, low, high, mask);
+}
+
+static void take_piece(void *user, const struct clipmap_piece *piece)
+{
+    struct culler *culler = user;
+    struct clipmap_selection *selection = culler->selection;
+    struct clipmap_box box = {{piece->corner[0], piece->corner[1]},
+                              {piece->corner[0] + piece->extent[0], piece->corner[1] + piece->extent[1]}};
+    unsigned mask = culler->mask;
+    if (culler->outside || (mask && test_box(culler, &box, &mask) == FRUSTUM_OUTSIDE))
+        selection->culled++;
+    else
+        selection->pieces[selection->piece_count++] = *piece;
+}
+
+// Groups the pieces of a level by list, in the order in which they were cut: one draw a list.
+static void add_draws(struct clipmap_selection *selection, int level, const struct view_origin *eye,
+                      const struct clipmap_mesh *mesh)
+{
+    int next[CLIPMAP_KINDS] = {0};
+    for (int i = 0; i < selection->piece_count; i++) next[selection->pieces[i].kind]++;
+    for (int kind = 0; kind < CLIPMAP_KINDS; kind++) {
+        if (!next[kind]) continue;
+        assert(selection->corner_count + next[kind] <= selection->capacity);
+        struct clipmap_draw draw = {level, kind, selection->corner_count, next[kind]};
+        selection->draws[selection->draw_count++] = draw;
+        selection->triangles += (uint64_t)draw.count * mesh->lists[kind].count / 3;
+        selection->corner_count += draw.count;
+        next[kind] = draw.first;
+    }
+    for (int i = 0; i < selection->piece_count; i++) {
+        const struct clipmap_piece *piece = &selection->pieces[i];
+        int32_t *corner = selection->corners[next[piece->kind]++];
+        for (int axis = 0; axis < 2; axis++) corner[axis] = (int32_t)(piece->corner[axis] - eye->base[axis]);
+    }
+}
+
+// Looks at a level as a whole: most are crossed by few planes, and some lie outside.
+static bool begin_level(struct culler *culler, const struct clipmap_choice *choice,
+                        const struct clipmap_region *region, const struct clipmap_store *store,
+                        const struct view_origin *eye)
+{
+    culler->selection->piece_count = 0;
+    if (clipmap_box_is_empty(&region->active)) return false;
+    // An eye so far away sees nothing of the map, and corners are 32-bit.
+    for (int axis = 0; axis < 2; axis++)
+        if (llabs(region->active.lo[axis] - eye->base[axis]) > INT64_C(1) << 30) return false;
+    const struct terrain_info *info = terrain_info(store->terrain);
+    culler->store = store;
+    culler->eye = eye;
+    for (int axis = 0; axis < 2; axis++)
+        culler->spacing_m[axis] = terrain_level(store->terrain, store->level).spacing_m[axis];
+    culler->quantum_m = info->quantum_m;
+    culler->mask = choice->cull ? FRUSTUM_ALL : 0;
+    culler->outside = choice->cull && test_box(culler, &region->active, &culler->mask) == FRUSTUM_OUTSIDE;
+    return true;
+}
+
+void clipmap_select(struct clipmap_selection *selection, const struct clipmap_shape *shape,
+                    const struct clipmap_choice *choice, const struct clipmap_mesh *mesh,
+                    const struct clipmap_region *regions, const struct clipmap_store *stores,
+                    const struct view_origin *eyes, const struct view *view)
+{
+    struct culler culler = {.selection = selection};
+    int32_t eye_base;
+    float eye_fraction;
+    view_eye_quanta(view, &eye_base, &eye_fraction);
+    culler.eye_q = (double)eye_base + (double)eye_fraction;
+    frustum_init(&culler.frustum, view);
+    selection->corner_count = selection->draw_count = selection->stitch_draws = 0;
+    selection->levels = selection->blocks = selection->culled = 0;
+    selection->triangles = 0;
+    for (int k = 0; k < shape->levels; k++) {
+        if (!begin_level(&culler, choice, &regions[k], &stores[k], &eyes[k])) continue;
+        clipmap_cut_blocks(&regions[k], k > 0 ? &regions[k - 1] : NULL, take_piece, &culler);
+        add_draws(selection, k, &eyes[k], mesh);
+        selection->blocks += selection->piece_count;
+        selection->levels++;
+    }
+    int block_draws = selection->draw_count;
+    for (int k = 0; choice->stitch && k < shape->levels; k++) {
+        if (!begin_level(&culler, choice, &regions[k], &stores[k], &eyes[k])) continue;
+        clipmap_cut_stitches(&regions[k], take_piece, &culler);
+        add_draws(selection, k, &eyes[k], mesh);
+    }
+    selection->stitch_draws = selection->draw_count - block_draws;
+}

@@ -1,0 +1,40 @@
+// The blocks and stitches that a view draws, after view-frustum culling (Losasso & Hoppe 2004, section 6.4).
+// PURE. The paper crops four rectangles a level; here each block is tested with the bounds of its own
+// heights. SPDX-License-Identifier: MIT
+#ifndef CLIPMAP_CLIPMAP_SELECT_H
+#define CLIPMAP_CLIPMAP_SELECT_H
+
+#include "clipmap/clipmap_mesh.h"
+#include "clipmap/clipmap_store.h"
+#include "common/view/frustum.h"
+
+struct clipmap_choice {
+    bool cull, stitch;
+};
+
+struct clipmap_selection {
+    int32_t (*corners)[2]; // of each piece, in cells from floor(eye / g) of its level; those of one draw side
+                           // by side
+    int corner_count;
+    struct clipmap_draw { // one list, drawn `count` times at corners[first ..]
+        int level, kind, first, count;
+    } * draws;                    // blocks of all levels, fine to coarse, then stitches likewise
+    int draw_count, stitch_draws; // the last `stitch_draws` draws are stitches
+    int levels, blocks, culled;   // levels drawn, blocks drawn, blocks and stitches culled
+    uint64_t triangles;
+
+    int capacity;
+    struct clipmap_piece *pieces; // of the level in work
+    int piece_count;
+};
+
+bool clipmap_selection_init(struct clipmap_selection *selection, const struct clipmap_shape *shape);
+void clipmap_selection_finish(struct clipmap_selection *selection);
+
+// regions, stores and eyes: one a level.
+void clipmap_select(struct clipmap_selection *selection, const struct clipmap_shape *shape,
+                    const struct clipmap_choice *choice, const struct clipmap_mesh *mesh,
+                    const struct clipmap_region *regions, const struct clipmap_store *stores,
+                    const struct view_origin *eyes, const struct view *view);
+
+#endif

@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: MIT
+#include "clipmap/clipmap_store.h"
+
+#include "common/report.h"
+
+#include <stdlib.h>
+
+enum { TILE = 8 }; // samples on a side of a square of bounds
+
+bool clipmap_store_init(struct clipmap_store *store, const struct terrain *terrain, int level, bool morphs,
+                        int size)
+{
+    *store = (struct clipmap_store){.terrain = terrain, .level = level, .morphs = morphs, .size = size};
+    store->clip = clipmap_empty;
+    store->tiles = size / TILE + 2; // that many squares can meet a clip region
+    size_t count = (size_t)store->tiles * (size_t)store->tiles;
+    store->bounds = malloc(count * sizeof *store->bounds);
+    if (!store->bounds) return fail("clipmap: no memory for a level of %d x %d samples", size, size);
+    for (size_t i = 0; i < count; i++) store->bounds[i] = (struct clipmap_tile){.at = {INT64_MIN, INT64_MIN}};
+    return true;
+}
+
+void clipmap_store_finish(struct clipmap_store *store)
+{
+    free(store->bounds);
+    store->bounds = NULL;
+}
+
+bool clipmap_scratch_init(struct clipmap_scratch *scratch, int size)
+{
+    size_t fine = (size_t)size * (size_t)size, coarse = (size_t)(size / 2 + 2) * (size_t)(size / 2 + 2);
+    scratch->fine = malloc(fine * sizeof *scratch->fine);
+    scratch->coarse = malloc(coarse * sizeof *scratch->coarse);
+    scratch->pairs = malloc(fine * sizeof *scratch->pairs);
+    if (scratch->fine && scratch->coarse && scratch->pairs) return true;
+    return fail("clipmap: no memory for a level of %d x %d samples", size, size);
+}
+
+void clipmap_scratch_finish(struct clipmap_scratch *scratch)
+{
+    free(scratch->fine);
+    free(scratch->coarse);
+    free(scratch->pairs);
+    *scratch = (struct clipmap_scratch){NULL, NULL, NULL};
+}
+
+// Height of the coarser surface, doubled so that it stays an integer, at sample (i, j), counted from the
+// coarse sample `c`, `odd` telling where in the coarse cell.
+static float surface_between(const int32_t *c, int stride, int odd_x, int odd_y)
+{
+    return (float)(c[0] + c[odd_y * stride + odd_x]) * 0.5f;
+}
+
+void clipmap_store_read(const struct clipmap_store *store, const struct clipmap_box *box,
+                        const struct clipmap_scratch *scratch)
+{
+    int width = (int)(box->hi[0] - box->lo[0] + 1), height = (int)(box->hi[1] - box->lo[1] + 1);
+    terrain_window(store->terrain, store->level, box->lo[0], box->lo[1], width, height, scratch->fine,
+                   TERRAIN_WAIT);
+    int64_t first[2], end[2];
+    for (int axis = 0; axis < 2; axis++) {
+        first[axis] = clipmap_floor_div(box->lo[axis], 2);
+        end[axis] = clipmap_floor_div(box->hi[axis] + 1, 2) + 1;
+    }
+    int stride = (int)(end[0] - first[0]);
+    if (store->morphs)
+        terrain_window(store->terrain, store->level + 1, first[0], first[1], stride, (int)(end[1] - first[1]),
+                       scratch->coarse, TERRAIN_WAIT);
+    int odd_x0 = (int)(box->lo[0] - 2 * first[0]), odd_y0 = (int)(box->lo[1] - 2 * first[1]);
+    for (int y = 0; y < height; y++) {
+        const int32_t *fine = scratch->fine + (size_t)y * (size_t)width;
+        const int32_t *coarse = scratch->coarse + (size_t)((y + odd_y0) / 2) * (size_t)stride;
+        float(*out)[2] = scratch->pairs + (size_t)y * (size_t)width;
+        for (int x = 0; x < width; x++) {
+            out[x][0] = (float)fine[x];
+            out[x][1] = store->morphs ? surface_between(coarse + (x + odd_x0) / 2, stride, (x + odd_x0) & 1,
+                                                        (y + odd_y0) & 1)
+                                      : out[x][0];
+        }
+    }
+}
+
+static void widen(struct clipmap_range *range, struct clipmap_range other)
+{
+    if (other.low < range->low) range->low = other.low;
+    if (other.high > range->high) range->high = other.high;
+}
+
+// Bounds over the whole square, whatever part of it is in memory: so they do not depend on the way that led
+// here.
+static void bound_tile(struct clipmap_store *store, int64_t x, int64_t y)
+{
+    struct clipmap_tile *tile =
+        &store->bounds[clipmap_slot(y, store->tiles) * store->tiles + clipmap_slot(x, store->tiles)];
+    if (tile->at[0] == x && tile->at[1] == y) return;
+    *tile = (struct clipmap_tile){.at = {x, y}};
+    terrain_bounds(store->terrain, store->level, x * TILE, y * TILE, x * TILE + TILE - 1, y * TILE + TILE - 1,
+                   &tile->range.low, &tile->range.high);
+    if (!store->morphs) return;
+    struct clipmap_range coarse;
+    const int side = TILE / 2;
+    terrain_bounds(store->terrain, store->level + 1, x * side, y * side, (x + 1) * side, (y + 1) * side,
+                   &coarse.low, &coarse.high);
+    widen(&tile->range, coarse);
+}
+
+static void bound_tiles(struct clipmap_store *store, const struct clipmap_box *box)
+{
+    for (int64_t y = clipmap_floor_div(box->lo[1], TILE); y * TILE <= box->hi[1]; y++)
+        for (int64_t x = clipmap_floor_div(box->lo[0], TILE); x * TILE <= box->hi[0]; x++)
+            bound_tile(store, x, y);
+}
+
+uint64_t clipmap_store_move(struct clipmap_store *store, const struct clipmap_box *desired,
+                            const struct clipmap_scratch *scratch, clipmap_write_fn *write, void *user)
+{
+    struct clipmap_box now = clipmap_follow(&store->clip, desired, store->size), exposed[4], pieces[4];
+    int exposed_count = clipmap_exposed(&store->clip, &now, exposed);
+    uint64_t samples = 0;
+    for (int i = 0; i < exposed_count; i++) {
+        int piece_count = clipmap_unwrap(&exposed[i], store->size, pieces);
+        for (int p = 0; p < piece_count; p++) {
+            const struct clipmap_box *piece = &pieces[p];
+            clipmap_store_read(store, piece, scratch);
+            write(user, clipmap_slot(piece->lo[0], store->size), clipmap_slot(piece->lo[1], store->size),
+                  (int)(piece->hi[0] - piece->lo[0] + 1), (int)(piece->hi[1] - piece->lo[1] + 1),
+                  (const float(*)[2])scratch->pairs);
+        }
+        samples += clipmap_box_samples(&exposed[i]);
+        bound_tiles(store, &exposed[i]);
+    }
+    store->clip = now;
+    return samples;
+}
+
+struct clipmap_range clipmap_store_range(const struct clipmap_store *store, const struct clipmap_box *box)
+{
+    struct clipmap_range range = {INT32_MAX, INT32_MIN};
+    for (int64_t y = clipmap_floor_div(box->lo[1], TILE); y * TILE <= box->hi[1]; y++) {
+        const struct clipmap_tile *row = &store->bounds[clipmap_slot(y, store->tiles) * store->tiles];
+        for (int64_t x = clipmap_floor_div(box->lo[0], TILE); x * TILE <= box->hi[0]; x++)
+            widen(&range, row[clipmap_slot(x, store->tiles)].range);
+    }
+    return range;
+}

@@ -1,0 +1,60 @@
+// The samples of one level at their toroidal slots (Losasso & Hoppe 2004, sections 3 and 5).  PURE: what is
+// exposed is read from the terrain and handed to a writer, which puts it into a texture (or, in tests, into
+// memory).
+//
+// A sample is the pair (z, z_c) in quanta: z the height in this level, z_c the height of the next coarser
+// level's *surface* at the same place: a sample of it, the mean of two, or, in the middle of a cell, the mean
+// of the two on the diagonal that is drawn, (i, j)-(i+1, j+1) (numerics.md, B4).  Levels are filtered, so z_c
+// differs from z at shared places too.  Both are exact in float32. SPDX-License-Identifier: MIT
+#ifndef CLIPMAP_CLIPMAP_STORE_H
+#define CLIPMAP_CLIPMAP_STORE_H
+
+#include "clipmap/clipmap_levels.h"
+#include "common/terrain/terrain.h"
+
+struct clipmap_range { // of heights, quanta
+    int32_t low, high;
+};
+
+struct clipmap_store {
+    const struct terrain *terrain; // borrowed
+    int level;                     // of the terrain
+    bool morphs;                   // false: the coarsest, z_c is z
+    int size;                      // slots on a side
+    struct clipmap_box clip;       // samples in memory
+    int tiles;                     // slots on a side of `bounds`
+    struct clipmap_tile { // bounds of z and z_c over a square of samples, aligned to multiples of its side
+        int64_t at[2];    // which square, in sides
+        struct clipmap_range range;
+    } * bounds;
+};
+
+struct clipmap_scratch { // room for one refill, shared by the levels
+    int32_t *fine, *coarse;
+    float (*pairs)[2];
+};
+
+bool clipmap_store_init(struct clipmap_store *store, const struct terrain *terrain, int level, bool morphs,
+                        int size);
+void clipmap_store_finish(struct clipmap_store *store);
+bool clipmap_scratch_init(struct clipmap_scratch *scratch, int size);
+void clipmap_scratch_finish(struct clipmap_scratch *scratch);
+
+// Takes a rectangle of slots, row by row northwards.
+typedef void clipmap_write_fn(void *user, int slot_x, int slot_y, int width, int height,
+                              const float (*pairs)[2]);
+
+// Moves the clip region so that it holds `desired` and reads what this exposes, each sample once.  Returns
+// how many.
+uint64_t clipmap_store_move(struct clipmap_store *store, const struct clipmap_box *desired,
+                            const struct clipmap_scratch *scratch, clipmap_write_fn *write, void *user);
+
+// Reads the pairs of a box, row by row, into scratch->pairs.
+void clipmap_store_read(const struct clipmap_store *store, const struct clipmap_box *box,
+                        const struct clipmap_scratch *scratch);
+
+// Bounds of z and z_c over a box within the clip region; at most 7 samples looser on each side.  A function
+// of the box alone.
+struct clipmap_range clipmap_store_range(const struct clipmap_store *store, const struct clipmap_box *box);
+
+#endif
