@@ -3,7 +3,8 @@
 // A file of poses has one camera a line, `u v z yaw`, lines that start with # left out.  All lengths are
 // shares of the map's width: u eastwards from the west edge, v southwards from the north edge (down the rows
 // of the picture), z above height zero.  yaw in radians: ahead on the ground is (cos yaw, sin yaw) in (u, v),
-// so the world's yaw is -yaw. SPDX-License-Identifier: MIT
+// so the world's yaw is -yaw.
+// SPDX-License-Identifier: MIT
 #include "common/scene/scene.h"
 
 #include "common/embedded.h"

@@ -1,5 +1,6 @@
 // A flight made from the terrain itself: it weaves along the map's longer side, low over the lowest ground at
-// hand, climbs over everything for a look at the whole and dives back. SPDX-License-Identifier: MIT
+// hand, climbs over everything for a look at the whole and dives back.
+// SPDX-License-Identifier: MIT
 #include "common/view/path.h"
 
 #include <math.h>

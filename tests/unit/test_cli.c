@@ -1,5 +1,6 @@
 // Command lines: what is taken, and that what is not costs one line that names the option and what is
-// accepted. SPDX-License-Identifier: MIT
+// accepted.
+// SPDX-License-Identifier: MIT
 #include "common/cli.h"
 
 #include "tests/test.h"

@@ -1,5 +1,5 @@
-// Boxes against the frustum, compared with dense samples and with an exact vertex enumeration (numerics.md,
-// B15). SPDX-License-Identifier: MIT
+// Boxes against the frustum, compared with dense samples and with an exact vertex enumeration (B15).
+// SPDX-License-Identifier: MIT
 #include "common/view/frustum.h"
 
 #include "tests/test.h"
