@@ -67,26 +67,21 @@ static double axis_place(const struct axis *axis, double value, double from, dou
     return from + t * (to - from);
 }
 
-// Ticks of a logarithmic axis: 1, 2, 5 in each decade, the decades alone when there are many.
+// Ticks of a logarithmic axis: as many round values a decade as its length bears.
 static void add_ticks(struct text *script, char which, const struct axis *axis)
 {
-    static const double steps[] = {1, 2, 5};
+    static const char *const steps[] = {"1", "125", "12357"};
+    static const double plenty[] = {1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 9};
     double decades = log10(axis->high / axis->low);
-    const char *separator = "";
+    const char *chosen = steps[decades > 3.5 ? 0 : decades > 1.5 ? 1 : 2], *separator = "";
+    int count = decades > 0.7 ? (int)strlen(chosen) : (int)(sizeof plenty / sizeof plenty[0]);
     char number[NUMBER_TEXT];
     text_add(script, "set logscale %c\nset %ctics (", which, which);
     for (int decade = (int)floor(log10(axis->low)); decade <= (int)ceil(log10(axis->high)); decade++)
-        for (int i = 0; i < 3; i++) {
-            double value = steps[i] * pow(10, decade);
+        for (int i = 0; i < count; i++) {
+            double value = (decades > 0.7 ? chosen[i] - '0' : plenty[i]) * pow(10, decade);
             if (value < axis->low * 0.999 || value > axis->high * 1.001) continue;
-            if (decades > 3.5 && i > 0) continue;
-            number_text(value, number);
-            char *dot = strchr(number, '.');
-            if (dot && value >= 1e-3) { // 0.500 and 2.00 read better as 0.5 and 2
-                char *end = number + strlen(number);
-                while (end > dot && (end[-1] == '0' || end[-1] == '.')) *--end = 0;
-            }
-            text_add(script, "%s'%s' %.17g", separator, number, value);
+            text_add(script, "%s'%s' %.17g", separator, short_text(value, number), value);
             separator = ", ";
         }
     text_add(script, ")\n");
@@ -96,11 +91,15 @@ static void add_ticks(struct text *script, char which, const struct axis *axis)
 static void add_quoted(struct text *script, const char *raw)
 {
     text_add(script, "'");
-    for (const char *c = raw; *c; c++) {
+    for (const char *c = raw; *c;) {
+        size_t length = utf8_length(c);
         if (*c == '\'')
             text_add(script, "''");
+        else if (length == 0 || (unsigned char)*c < 0x20 || *c == 0x7f || *c == '\\')
+            text_add(script, " ");
         else
-            text_add_bytes(script, (unsigned char)*c < 0x20 || *c == '\\' ? " " : c, 1);
+            text_add_bytes(script, c, length);
+        c += length ? length : 1;
     }
     text_add(script, "'");
 }
@@ -320,7 +319,7 @@ static void add_curve_key(struct text *script, const struct report_renderer *ren
     char number[16], name[128];
     if (figure == FIGURE_TRIANGLES && isfinite(renderer->rank_correlation)) {
         snprintf(number, sizeof number, "%.2f", fabs(renderer->rank_correlation));
-        snprintf(name, sizeof name, "%.80s (rank correlation %s%s)", renderer->name,
+        snprintf(name, sizeof name, "%.80s (\u03c1 %s%s)", renderer->name,
                  renderer->rank_correlation < 0 ? "\u2212" : "", number);
     } else
         snprintf(name, sizeof name, "%.80s", renderer->name);
@@ -344,17 +343,19 @@ static bool write_curves(const struct report *report, enum report_figure figure,
                          struct text *data)
 {
     int height = figure == FIGURE_FRONTIER ? 580 : 460;
-    struct plot plot = {.left = 84, .right = WIDTH - 30, .top = 48, .bottom = height - 62};
+    struct plot plot = {.left = 84, .right = WIDTH - 30, .top = 48, .bottom = height - 72};
     if (!curve_axes(report, figure, &plot)) return false;
     add_curve_data(report, figure, data);
     add_opening(script, figure, height);
     add_axes(script, &plot, height);
-    text_add(script, "set key at screen 0.5,%.4f center top horizontal samplen 2 tc rgb '#222222'\n",
-             1 - 10.0 / height);
     text_add(script,
-             figure == FIGURE_FRONTIER
-                 ? "set xlabel 'error on the screen, p99.9 (px)'\nset ylabel 'frame time, median (ms)'\n"
-                 : "set xlabel 'visible triangles, mean'\nset ylabel 'error on the screen, p99.9 (px)'\n");
+             "set key at screen 0.5,%.4f center top horizontal maxrows 1 Left reverse samplen 2 tc rgb "
+             "'#222222'\n",
+             1 - 10.0 / height);
+    text_add(script, figure == FIGURE_FRONTIER ? "set xlabel 'error on the screen, p99.9 (px)' offset "
+                                                 "0,0.3\nset ylabel 'frame time, median (ms)'\n"
+                                               : "set xlabel 'visible triangles, mean' offset 0,0.3\nset "
+                                                 "ylabel 'error on the screen, p99.9 (px)'\n");
     if (figure == FIGURE_FRONTIER && plot.x.low < 1 && plot.x.high > 1)
         text_add(script, "set arrow from 1,graph 0 to 1,graph 1 nohead lc rgb '#999999' lw 1.2\n");
     if (figure == FIGURE_TRIANGLES && plot.y.low < 1 && plot.y.high > 1)
@@ -438,28 +439,30 @@ static bool write_path(const struct report *report, struct text *script, struct 
         any |= drawn[i] = add_path_block(report, &report->renderers[i], data, &frames, &ms, &error);
     if (any) {
         bool has_ms = ms.high >= ms.low, has_error = error.high >= error.low;
-        double left = 84, right = WIDTH - 30, middle = !has_error ? height - 62 : !has_ms ? 48 : 305;
+        double left = 84, right = WIDTH - 30, middle = !has_error ? height - 72 : !has_ms ? 48 : 305;
         ms.low = 0;
         if (!(frames.high > frames.low)) frames.high = frames.low + 1;
         add_opening(script, FIGURE_PATH, height);
-        text_add(
-            script,
-            "set multiplot\nset key at screen 0.5,%.4f center top horizontal samplen 2 tc rgb '#222222'\n",
-            1 - 10.0 / height);
+        text_add(script,
+                 "set multiplot\nset key at screen 0.5,%.4f center top horizontal maxrows 1 Left reverse "
+                 "samplen 2 tc "
+                 "rgb '#222222'\n",
+                 1 - 10.0 / height);
         if (has_ms) {
             struct plot plot = {left, right, 48, middle, frames, ms};
             axis_pad(&plot.y, 0.08);
             add_axes(script, &plot, height);
-            text_add(script, has_error ? "set format x ''\n" : "set xlabel 'frame of the path'\n");
+            text_add(script,
+                     has_error ? "set format x ''\n" : "set xlabel 'frame of the path' offset 0,0.3\n");
             text_add(script, "set ylabel 'frame time (ms)'\n");
             add_path_lines(report, drawn, 2, script);
         }
         if (has_error) {
-            struct plot plot = {left, right, has_ms ? middle + 24 : 48, height - 62, frames, error};
+            struct plot plot = {left, right, has_ms ? middle + 24 : 48, height - 72, frames, error};
             axis_pad(&plot.y, 0.06);
             if (has_ms) text_add(script, "unset key\n");
-            text_add(script,
-                     "set format x '%%g'\nset xlabel 'frame of the path'\nset ylabel 'error, p99.9 (px)'\n");
+            text_add(script, "set format x '%%g'\nset xlabel 'frame of the path' offset 0,0.3\nset ylabel "
+                             "'error, p99.9 (px)'\n");
             add_axes(script, &plot, height);
             if (plot.y.low < 1 && plot.y.high > 1)
                 text_add(

@@ -19,8 +19,8 @@ static const char style[] =
     "code{font:.875em ui-monospace,SFMono-Regular,Menlo,Consolas,'DejaVu Sans "
     "Mono',monospace;overflow-wrap:anywhere}\n"
     "pre{background:var(--wash);padding:12px 16px;overflow-x:auto;border-radius:4px;white-space:pre-wrap}\n"
-    ".eyebrow{color:var(--soft);margin:0;font-size:.9rem}\n"
-    ".lead{font-size:1.25rem;line-height:1.5;max-width:64ch;margin:.4em 0 1.2em}\n"
+    ".eyebrow{color:var(--soft);margin:0;max-width:none;font-size:.9rem}\n"
+    ".lead{font-size:1.25rem;line-height:1.5;max-width:74ch;margin:.4em 0 1.2em}\n"
     ".note,.eyebrow+p{color:var(--soft);font-size:.9rem}.bad{color:#a8201a}\n"
     ".warning{border:2px solid #a8201a;border-radius:4px;padding:10px 16px;max-width:none}\n"
     "nav{font-size:.9rem;margin:1em 0;display:flex;flex-wrap:wrap;gap:.3em 1.4em}\n"
@@ -29,11 +29,12 @@ static const char style[] =
     "border-radius:2px;background:var(--c);margin-right:.36em;-webkit-print-color-adjust:exact;"
     "print-color-adjust:exact}\n"
     "dl{display:grid;grid-template-columns:12.5rem 1fr;gap:.55em 1.2em;margin:1em 0}dt{color:var(--soft)}"
-    "dd{margin:0;max-width:84ch;overflow-wrap:anywhere}\n"
+    ".verdict{font-size:.95rem}dd{margin:0;max-width:104ch;overflow-wrap:anywhere}\n"
     "small{font-size:.82em;color:var(--soft);font-weight:400;white-space:nowrap}\n"
     "figure{margin:1em 0;break-inside:avoid}figcaption{color:var(--soft);font-size:.9rem;margin-top:.3em}"
     "figcaption b{color:var(--ink)}\n"
-    "svg{display:block;width:100%;height:auto}svg text{font-family:system-ui,-apple-system,'Segoe "
+    "svg{display:block;width:100%;min-width:680px;height:auto}svg "
+    "text{font-family:system-ui,-apple-system,'Segoe "
     "UI',Roboto,Arial,"
     "sans-serif}\n"
     ".scroll{overflow-x:auto;margin:.5em 0}\n"
@@ -45,14 +46,16 @@ static const char style[] =
     "small{display:block}\n"
     "tbody th{font-weight:400}td small{display:block}.word{text-align:left}td.best{font-weight:700}"
     "td.off{color:var(--soft);font-size:.82rem;white-space:normal}\n"
-    ".runs tr.first:not(:first-child)>*{border-top:1.5px solid #9aa0a6}.runs th.word{position:sticky;left:0;"
+    ".runs .who{font-weight:400}.runs tr.first:not(:first-child)>*{border-top:2px solid #9aa0a6}.runs "
+    "th.word{position:sticky;left:0;"
     "background:#fff}.runs th,.runs td{padding:.3em .55em}\n"
-    ".prose td{white-space:normal;min-width:9rem}\n"
-    ".halves{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,33rem),1fr));gap:0 2.5rem}"
-    ".half{min-width:0}\n"
+    ".prose .who{font-weight:400}.prose td{white-space:normal;min-width:9rem}\n"
+    ".halves{display:flex;flex-wrap:wrap;gap:0 3rem}"
+    ".half{min-width:0;max-width:100%}\n"
     ".moments{display:grid;grid-template-columns:repeat(3,minmax(0,1fr));gap:14px}.moments figure{margin:0}"
     ".moments img{display:block;width:100%;height:auto;margin-bottom:3px;background:var(--wash)}"
     ".absent{color:var(--soft);background:var(--wash);padding:1em}\n"
+    "details{margin:1.6em 0}summary{cursor:pointer;font-weight:600}"
     ".legend{display:flex;flex-wrap:wrap;align-items:flex-start;gap:8px 20px;margin:.8em 0;font-size:.85rem}"
     ".scale{display:grid;grid-template-columns:repeat(3,1fr) 0;width:min(380px,100%);margin-right:40px}"
     ".scale i{grid-column:1/-1;height:14px}.scale span{white-space:nowrap}"
@@ -135,7 +138,7 @@ static void add_figure(const struct report_figures *figures, enum report_figure 
                        struct text *page)
 {
     const struct text *svg = &figures->svg[figure];
-    text_add(page, "<figure>");
+    text_add(page, "<figure><div class=\"scroll\">");
     if (svg->length)
         text_add_bytes(page, svg->data, svg->length);
     else if (!figures->gnuplot_found)
@@ -146,7 +149,7 @@ static void add_figure(const struct report_figures *figures, enum report_figure 
             "<code>figures/</code>. Install gnuplot and run <code>bench report</code> on this folder.</p>");
     else
         text_add(page, "<p class=\"absent\">No figure: the numbers it needs were not measured.</p>");
-    text_add(page, "<figcaption>%s</figcaption></figure>\n", caption);
+    text_add(page, "</div><figcaption>%s</figcaption></figure>\n", caption);
 }
 
 // The settings that stand for the renderers, by name.
@@ -167,24 +170,18 @@ static void add_shown_settings(const struct report *report, struct text *page)
 
 static void add_correlations(const struct report *report, struct text *page)
 {
-    const cJSON *sweeps = json_at(report->root, "sweeps"), *sweep;
     int written = 0;
-    if (cJSON_IsArray(sweeps)) cJSON_ArrayForEach(sweep, sweeps)
-        {
-            double correlation = json_number(sweep, "rank_correlation");
-            text_add(page, written++
-                               ? "; "
-                               : "<p>Spearman\u2019s rank correlation of error with visible triangles: <b>");
-            text_add_escaped(page, json_text(sweep, "renderer"));
-            add_fact(page, "</b>, knob <code>", json_text(sweep, "knob"), "</code><b>");
-            text_add(page, "</b> ");
-            if (isnan(correlation))
-                text_add(page, "\u2013 (it takes three settings)");
-            else
-                text_add(page, "%s%.2f", correlation < 0 ? "\u2212" : "", fabs(correlation));
-            text_add(page, "<b>");
-        }
-    if (written) text_add(page, "</b>. \u22121 means that more triangles always bought less error.</p>\n");
+    for (int i = 0; i < report->renderer_count; i++) {
+        const struct report_renderer *renderer = &report->renderers[i];
+        double correlation = renderer->rank_correlation;
+        if (isnan(correlation)) continue;
+        text_add(page, written++ ? ", "
+                                 : "<p>Rank correlation \u03c1 (Spearman) of error with visible triangles: ");
+        page_renderer(page, renderer);
+        text_add(page, " %s%.2f", correlation < 0 ? "\u2212" : "", fabs(correlation));
+    }
+    text_add(page, written ? ". At \u22121 more triangles always bought less error.</p>\n"
+                           : "<p>No rank correlation: it takes three settings of a renderer.</p>\n");
 }
 
 static void add_body(const struct report *report, const struct report_figures *figures, struct text *page)

@@ -19,10 +19,15 @@ void text_add(struct text *text, const char *format, ...) __attribute__((format(
 void text_add_bytes(struct text *text, const char *bytes, size_t count);
 void text_add_escaped(struct text *text, const char *raw); // for XML content and attributes; NULL adds a dash
 void text_finish(struct text *text);
+// Length of the well-formed UTF-8 character here; 0 when it is none (overlong forms and surrogates included).
+size_t utf8_length(const char *character);
 
 enum { NUMBER_TEXT = 48 };
-// Three significant digits as a reader writes them (12.3, 0.0123, 4.56×10⁻⁵, 1 234); a dash when not finite.
+// Three significant digits as a reader writes them (12.3, 0.0123, 4.56×10⁻⁵, 1 234), whole numbers as such; a
+// dash when not finite.
 const char *number_text(double value, char out[NUMBER_TEXT]);
+const char *short_text(double value,
+                       char out[NUMBER_TEXT]); // the same without zeros at the end: for round values
 const char *count_text(double value, char out[NUMBER_TEXT]); // a whole number in groups of three digits
 const char *bytes_text(double value, char out[NUMBER_TEXT]); // B, KiB, MiB, GiB
 
@@ -90,9 +95,8 @@ bool report_path(const struct report *report, const char *file, char *path, size
 
 enum standing_kind {
     STANDING_AT,      // value holds
-    STANDING_COARSER, // its finest setting misses the error asked for, or its cheapest costs more than the
-                      // time
-    STANDING_FINER,   // its coarsest setting is already better, or its dearest costs less than the time
+    STANDING_AT_MOST, // the curve ends before the row: its last point already does better, at value
+    STANDING_NOT, // its finest setting misses the error asked for, or its cheapest costs more than the time
     STANDING_UNKNOWN
 };
 

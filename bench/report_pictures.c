@@ -99,22 +99,40 @@ static void add_legend(struct text *page)
     add_kind_colour(PIXEL_MISS, "miss", page);
     add_kind_colour(PIXEL_SPILL, "spill", page);
     add_kind_colour(PIXEL_HOLE, "hole", page);
+    add_kind_colour(PIXEL_GROUND, "ground that could not be measured", page);
+    text_add(page, "</div>\n");
+}
+
+static void add_pictured(const struct report *report, int renderer, struct text *page)
+{
+    const struct report_run *run = pictured_run(report, renderer);
+    const cJSON *picture;
+    if (!run) return;
+    text_add(page, "<h3><span class=\"who\" style=\"--c:%s\">", report->renderers[renderer].colour);
+    text_add_escaped(page, run->name);
+    text_add(page, "</span></h3><div class=\"moments\">");
+    cJSON_ArrayForEach(picture, json_at(run->json, "pictures")) add_moment(report, picture, page);
     text_add(page, "</div>\n");
 }
 
 void report_pictures(const struct report *report, struct text *page)
 {
-    int written = 0;
+    struct text methods = {0}, baselines = {0};
     for (int i = 0; i < report->renderer_count; i++) {
-        const struct report_run *run = pictured_run(report, i);
-        const cJSON *picture;
-        if (!run || report->renderers[i].role == ROLE_EMPTY) continue;
-        if (written++ == 0) add_legend(page);
-        text_add(page, "<h3><span class=\"who\" style=\"--c:%s\">", report->renderers[i].colour);
-        text_add_escaped(page, run->name);
-        text_add(page, "</span></h3><div class=\"moments\">");
-        cJSON_ArrayForEach(picture, json_at(run->json, "pictures")) add_moment(report, picture, page);
-        text_add(page, "</div>\n");
+        enum report_role role = report->renderers[i].role;
+        if (role != ROLE_EMPTY) add_pictured(report, i, role == ROLE_METHOD ? &methods : &baselines);
     }
-    if (written == 0) text_add(page, "<p>No pictures were taken.</p>");
+    page->out_of_memory |= methods.out_of_memory || baselines.out_of_memory;
+    if (methods.length || baselines.length)
+        add_legend(page);
+    else
+        text_add(page, "<p>No pictures were taken.</p>");
+    if (methods.length) text_add_bytes(page, methods.data, methods.length);
+    if (baselines.length) {
+        text_add(page, "<details><summary>The baselines\u2019 pictures</summary>");
+        text_add_bytes(page, baselines.data, baselines.length);
+        text_add(page, "</details>\n");
+    }
+    text_finish(&methods);
+    text_finish(&baselines);
 }

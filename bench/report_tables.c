@@ -31,16 +31,13 @@ static void add_standing(struct text *page, const struct standing *standing, enu
                          bool best)
 {
     char value[NUMBER_TEXT], low[NUMBER_TEXT], high[NUMBER_TEXT];
-    if (standing->kind != STANDING_AT) {
-        static const char *const why[2][4] = {
-            {"", "never that fine", "finer at every setting", "\u2013"},
-            {"", "dearer at every setting", "never that dear", "\u2013"},
-        };
-        text_add(page, "<td class=\"off\">%s</td>", why[table][standing->kind]);
+    if (standing->kind == STANDING_NOT) {
+        text_add(page, "<td class=\"off\">%s</td>", table == EQUAL_ERROR ? "not reached" : "takes longer");
         return;
     }
-    text_add(page, "<td%s>%s", best ? " class=\"best\"" : "", number_text(standing->value, value));
-    if (isfinite(standing->low))
+    text_add(page, "<td%s>%s%s", best ? " class=\"best\"" : "",
+             standing->kind == STANDING_AT_MOST ? "\u2264\u00a0" : "", number_text(standing->value, value));
+    if (standing->kind == STANDING_AT && isfinite(standing->low))
         text_add(page, "<small>[%s, %s]</small>", number_text(standing->low, low),
                  number_text(standing->high, high));
     text_add(page, "</td>");
@@ -84,7 +81,7 @@ static void add_equal_table(const struct report *report, enum report_table table
              error ? "fastest method" : "most accurate");
     cJSON_ArrayForEach(row, rows)
     {
-        text_add(page, "<tr><th>%s</th>", number_text(json_number(row, error ? "at_px" : "at_ms"), number));
+        text_add(page, "<tr><th>%s</th>", short_text(json_number(row, error ? "at_px" : "at_ms"), number));
         int count = report_standings(report, row, table, standings);
         bool clear = count == 1 || (count > 1 && report_clearly_better(&standings[0], &standings[1]));
         const struct report_renderer *first = clear ? standings[0].renderer : NULL;
@@ -124,7 +121,7 @@ static void add_against_brute(const struct report *report, struct text *page)
     text_add(page, "</tr></thead><tbody>");
     cJSON_ArrayForEach(row, rows)
     {
-        text_add(page, "<tr><th>%s</th>", number_text(json_number(row, "at_mean_px"), number));
+        text_add(page, "<tr><th>%s</th>", short_text(json_number(row, "at_mean_px"), number));
         for (int i = 0; i < report->renderer_count; i++)
             if (stands_in_tables(&report->renderers[i]))
                 text_add(page, "<td>%s</td>",
@@ -178,17 +175,29 @@ static const struct column time_columns[] = {
 
 static const struct column error_columns[] = {
     {"mean", "px", "error_px.mean", NUMBER, "error_px over all pixels of all frames"},
+    {"rms", "px", "error_px.rms", NUMBER, "root mean square of error_px"},
+    {"p50", "px", "error_px.p50", NUMBER, "half of the pixels err no more"},
     {"p99", "px", "error_px.p99", NUMBER, "99 of 100 pixels err no more"},
     {"p99.9", "px", "error_px.p999", NUMBER, "999 of 1000 pixels err no more"},
     {"max", "px", "error_px.max", NUMBER, "worst pixel of the path"},
     {"over 1\u00a0px", "%", "error_px.share_over_1px", PERCENT, "share of pixels that err by more than 1 px"},
-    {"plane", "px", "plane_px.p999", NUMBER, "plane_px p99.9: point to plane distance"},
-    {"temporal", "px", "temporal_px.p999", NUMBER, "temporal_px p99.9: popping and swimming between frames"},
+    {"plane", "px, p99.9", "plane_px.p999", NUMBER, "plane_px: point to plane distance"},
+    {"temporal", "px, p99.9", "temporal_px.p999", NUMBER, "temporal_px: popping and swimming between frames"},
+    {"", "px, max", "temporal_px.max", NUMBER, "temporal_px: popping and swimming between frames"},
+    {NULL, NULL, NULL, NUMBER, NULL},
+};
+
+static const struct column promise_columns[] = {
     {"claimed", "px", "claimed_px", CLAIM, "largest error that the method itself promises"},
     {"broken", "frames", "claim_broken_frames", WHOLE, "frames whose error exceeds the claim"},
-    {"holes", "px", "holes.total", WHOLE, "undrawn ground inside the terrain, all frames together: a defect"},
-    {"misses", "%", "misses.share", PERCENT, "undrawn ground at the skyline, share of the ground"},
-    {"spills", "%", "spills.share", PERCENT, "drawn where the truth has sky, share of the ground"},
+    {"holes", "pixels", "holes.total", WHOLE,
+     "undrawn ground inside the terrain, all frames together: a defect"},
+    {"misses", "pixels", "misses.total", WHOLE, "undrawn ground at the skyline, all frames together"},
+    {"", "% of ground", "misses.share", PERCENT, "undrawn ground at the skyline"},
+    {"", "worst frame", "misses.worst_frame", WHOLE, "pixels in the frame with most"},
+    {"spills", "pixels", "spills.total", WHOLE, "drawn where the truth has sky, all frames together"},
+    {"", "% of ground", "spills.share", PERCENT, "drawn where the truth has sky"},
+    {"", "worst frame", "spills.worst_frame", WHOLE, "pixels in the frame with most"},
     {NULL, NULL, NULL, NUMBER, NULL},
 };
 
@@ -333,7 +342,8 @@ void report_run_tables(const struct report *report, struct text *page)
         return;
     }
     add_run_table(report, "Time", time_columns, page);
-    add_run_table(report, "Error and coverage", error_columns, page);
+    add_run_table(report, "Error on the screen", error_columns, page);
+    add_run_table(report, "Coverage and promises", promise_columns, page);
     add_run_table(report, "Work and memory", work_columns, page);
     const char *why = NULL;
     for (int i = 0; i < report->run_count; i++) {

@@ -58,9 +58,9 @@ void text_finish(struct text *text)
     *text = (struct text){0};
 }
 
-// Length of the well-formed UTF-8 character at c, 0 when it is none (overlong forms and surrogates included).
-static size_t utf8_length(const unsigned char *c)
+size_t utf8_length(const char *character)
 {
+    const unsigned char *c = (const unsigned char *)character;
     size_t length = c[0] < 0x80   ? 1
                     : c[0] < 0xc2 ? 0
                     : c[0] < 0xe0 ? 2
@@ -78,7 +78,7 @@ void text_add_escaped(struct text *text, const char *raw)
 {
     if (!raw) raw = DASH;
     for (const unsigned char *c = (const unsigned char *)raw; *c;) {
-        size_t length = utf8_length(c);
+        size_t length = utf8_length((const char *)c);
         if (*c == '&')
             text_add(text, "&amp;");
         else if (*c == '<')
@@ -128,7 +128,7 @@ static char *superscript(char *end, int value)
 const char *number_text(double value, char out[NUMBER_TEXT])
 {
     if (!isfinite(value)) return strcpy(out, DASH);
-    if (value == 0) return strcpy(out, "0");
+    if (value == floor(value)) return count_text(value, out);
     char scientific[32]; // rounds first, so that 9.999 reads 10.0 and not 10.00
     snprintf(scientific, sizeof scientific, "%.2e", fabs(value));
     int exponent = atoi(strchr(scientific, 'e') + 1);
@@ -139,6 +139,16 @@ const char *number_text(double value, char out[NUMBER_TEXT])
         return out;
     }
     superscript(out + sprintf(out, "%s%.4s\u00d710", sign, scientific), exponent);
+    return out;
+}
+
+const char *short_text(double value, char out[NUMBER_TEXT])
+{
+    number_text(value, out);
+    char *dot = strchr(out, '.'), *end = out + strlen(out);
+    if (!dot || end[-1] < '0' || end[-1] > '9') return out;
+    while (end[-1] == '0') *--end = 0;
+    if (end[-1] == '.') *--end = 0;
     return out;
 }
 

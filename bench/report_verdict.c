@@ -21,6 +21,17 @@ static const cJSON *row_entry(const cJSON *row, const char *renderer)
     return NULL;
 }
 
+// The smallest of the errors when every time is below x: what the renderer reaches at least in that time.
+static double beyond_end(const double *errors, const double *times, int count, double x)
+{
+    double best = INFINITY;
+    for (int i = 0; i < count; i++) {
+        if (times[i] >= x) return NAN;
+        best = fmin(best, errors[i]);
+    }
+    return best;
+}
+
 // The renderer's curve read at x three times: with the median times, with their lower and with their upper
 // ends. At equal time the curve of longer times gives the larger error, so low and high keep their meaning.
 static void read_curve(const struct report_renderer *renderer, enum report_table table, double x,
@@ -29,7 +40,7 @@ static void read_curve(const struct report_renderer *renderer, enum report_table
     int count = renderer->point_count;
     double *errors = calloc((size_t)count * 2 + 2, sizeof *errors), *times = errors ? errors + count : NULL;
     for (int which = 0; which < 3; which++) {
-        bool whole = true;
+        bool whole = errors != NULL; // half an interval is none
         out[which] = (double)NAN;
         for (int i = 0; errors && i < count; i++) {
             const struct report_point *point = &renderer->points[i];
@@ -37,24 +48,36 @@ static void read_curve(const struct report_renderer *renderer, enum report_table
             times[i] = which == 0 ? point->ms : which == 1 ? point->low_ms : point->high_ms;
             whole = whole && isfinite(times[i]);
         }
-        if (!errors || !whole) continue; // half an interval is none
+        if (!whole) continue;
         out[which] =
             table == EQUAL_ERROR ? curve_at(errors, times, count, x) : curve_at(times, errors, count, x);
+        if (which == 1 && table == EQUAL_TIME && isnan(out[1])) out[1] = beyond_end(errors, times, count, x);
     }
     free(errors);
 }
 
-// Off its curve, does a renderer stop short of x or start beyond it?
-static enum standing_kind off_curve(const struct report_renderer *renderer, enum report_table table, double x)
+// Off its curve: either the renderer never gets there, or all its points do and the best of them bounds the
+// value.
+static void stand_off_curve(struct standing *standing, enum report_table table, double x)
 {
-    if (renderer->point_count == 0) return STANDING_UNKNOWN;
-    double low = INFINITY, high = 0;
+    const struct report_renderer *renderer = standing->renderer;
+    double best = INFINITY, best_high = (double)NAN, nearest = INFINITY, farthest = 0;
     for (int i = 0; i < renderer->point_count; i++) {
-        double value = table == EQUAL_ERROR ? renderer->points[i].error_px : renderer->points[i].ms;
-        low = fmin(low, value);
-        high = fmax(high, value);
+        const struct report_point *point = &renderer->points[i];
+        double at = table == EQUAL_ERROR ? point->error_px : point->ms;
+        double value = table == EQUAL_ERROR ? point->ms : point->error_px;
+        nearest = fmin(nearest, at);
+        farthest = fmax(farthest, at);
+        if (value >= best) continue;
+        best = value;
+        best_high = table == EQUAL_ERROR ? point->high_ms : point->high_ms <= x ? value : (double)NAN;
     }
-    return low > x ? STANDING_COARSER : high < x ? STANDING_FINER : STANDING_UNKNOWN;
+    if (nearest > x && isfinite(nearest)) standing->kind = STANDING_NOT;
+    if (!(farthest < x) || !(best > 0) || isinf(best)) return;
+    standing->kind = STANDING_AT_MOST;
+    standing->value = best;
+    standing->low = 0;
+    standing->high = best_high;
 }
 
 struct standing report_standing(const struct report_renderer *renderer, const cJSON *row,
@@ -64,15 +87,15 @@ struct standing report_standing(const struct report_renderer *renderer, const cJ
     double x = json_number(row, table == EQUAL_ERROR ? "at_px" : "at_ms"), curve[3];
     const cJSON *entry = row_entry(row, renderer->name);
     read_curve(renderer, table, x, curve);
-    standing.value = entry ? json_number(entry, "") : curve[0];
-    if (!(standing.value > 0)) {
-        standing.value = (double)NAN;
-        standing.kind = off_curve(renderer, table, x);
+    double value = entry ? json_number(entry, "") : curve[0];
+    if (!(value > 0)) {
+        stand_off_curve(&standing, table, x);
         return standing;
     }
     standing.kind = STANDING_AT;
-    standing.low = standing.value * curve[1] / curve[0];
-    standing.high = standing.value * curve[2] / curve[0];
+    standing.value = value;
+    standing.low = value * curve[1] / curve[0];
+    standing.high = value * curve[2] / curve[0];
     if (isnan(standing.low) || isnan(standing.high)) standing.low = standing.high = (double)NAN;
     return standing;
 }
@@ -84,7 +107,7 @@ int report_standings(const struct report *report, const cJSON *row, enum report_
     for (int i = 0; i < report->renderer_count; i++) {
         if (report->renderers[i].role != ROLE_METHOD) continue;
         struct standing standing = report_standing(&report->renderers[i], row, table);
-        if (standing.kind != STANDING_AT) continue;
+        if (standing.kind != STANDING_AT && standing.kind != STANDING_AT_MOST) continue;
         int at = count++;
         for (; at > 0 && standings[at - 1].value > standing.value; at--) standings[at] = standings[at - 1];
         standings[at] = standing;
@@ -106,13 +129,40 @@ static void add_number(struct text *page, double value, const char *unit)
     text_add(page, "%s%s%s", number_text(value, number), unit[0] ? "\u00a0" : "", unit);
 }
 
-static void add_interval(struct text *page, const struct standing *standing, const char *unit)
+static void add_row_key(struct text *page, double at_px)
+{
+    char number[NUMBER_TEXT];
+    text_add(page, "%s\u00a0px", short_text(at_px, number));
+}
+
+static void add_time(struct text *page, const struct standing *standing)
 {
     char low[NUMBER_TEXT], high[NUMBER_TEXT];
-    add_number(page, standing->value, unit);
-    if (isfinite(standing->low))
+    if (standing->kind == STANDING_AT_MOST) text_add(page, "at most ");
+    add_number(page, standing->value, "ms");
+    if (standing->kind == STANDING_AT && isfinite(standing->low))
         text_add(page, " <small>[%s, %s]</small>", number_text(standing->low, low),
                  number_text(standing->high, high));
+}
+
+static void add_tie(struct text *page, const struct standing *standings, int tied)
+{
+    bool overlap = false, bound = false, interval = true;
+    text_add(page, "<b>cannot tell</b> ");
+    for (int i = 0; i < tied; i++) {
+        text_add(page, "%s", i == 0 ? "" : i + 1 < tied ? ", " : " from ");
+        page_renderer(page, standings[i].renderer);
+        text_add(page, " (");
+        add_time(page, &standings[i]);
+        text_add(page, ")");
+        bound |= i > 0 && standings[i].kind == STANDING_AT_MOST;
+        interval &= isfinite(standings[i].high) != 0;
+        overlap |= i > 0 && standings[i].low <= standings[0].high;
+    }
+    text_add(page, !interval ? ": there is no interval without 3 repeats"
+                   : bound   ? ": one is finer than that at every setting"
+                   : overlap ? ": the intervals overlap"
+                             : ": less than 5\u00a0%% apart");
 }
 
 // The best with those that cannot be told from it, then everyone else by how much more they need.
@@ -120,39 +170,18 @@ static void add_ranking(struct text *page, const struct standing *standings, int
 {
     int tied = 1;
     while (tied < count && !report_clearly_better(&standings[0], &standings[tied])) tied++;
-    if (count == 1) {
+    if (count > 1 && tied > 1)
+        add_tie(page, standings, tied);
+    else {
+        if (count > 1) text_add(page, "<b>");
         page_renderer(page, standings[0].renderer);
-        text_add(page, " is the only method that gets there, at ");
-        add_interval(page, &standings[0], "ms");
-        text_add(page, ".");
-        return;
-    }
-    if (tied == 1) {
-        text_add(page, "<b>");
-        page_renderer(page, standings[0].renderer);
-        text_add(page, " is fastest</b>, at ");
-        add_interval(page, &standings[0], "ms");
-        text_add(page, " a frame");
-    } else {
-        text_add(page, "<b>cannot tell</b> ");
-        for (int i = 0; i < tied; i++) {
-            text_add(page, "%s", i == 0 ? "" : i + 1 < tied ? ", " : " from ");
-            page_renderer(page, standings[i].renderer);
-            text_add(page, " (");
-            add_interval(page, &standings[i], "ms");
-            text_add(page, ")");
-        }
-        if (!isfinite(standings[0].high) || !isfinite(standings[1].high))
-            text_add(page, ": there is no interval without 3 repeats");
-        else if (standings[1].low <= standings[0].high)
-            text_add(page, ": the intervals overlap");
-        else
-            text_add(page, ": less than 5\u00a0%% apart");
+        text_add(page, count > 1 ? " is fastest</b>, at " : " is the only method that gets there, at ");
+        add_time(page, &standings[0]);
     }
     for (int i = tied; i < count; i++) {
         text_add(page, "%s", i == tied ? "; " : ", ");
         page_renderer(page, standings[i].renderer);
-        text_add(page, " takes ");
+        text_add(page, standings[0].kind == STANDING_AT_MOST ? " takes at least " : " takes ");
         add_number(page, standings[i].value / standings[0].value, "");
         text_add(page, "\u00a0\u00d7 as long");
     }
@@ -179,51 +208,78 @@ static void add_row(const struct report *report, const cJSON *row, struct standi
 {
     int count = report_standings(report, row, EQUAL_ERROR, standings);
     text_add(page, "At ");
-    add_number(page, json_number(row, "at_px"), "px");
+    add_row_key(page, json_number(row, "at_px"));
     text_add(page, " ");
     add_ranking(page, standings, count);
     for (int i = 0; i < report->renderer_count; i++) {
-        if (report->renderers[i].role != ROLE_METHOD) continue;
-        struct standing standing = report_standing(&report->renderers[i], row, EQUAL_ERROR);
-        if (standing.kind != STANDING_COARSER && standing.kind != STANDING_FINER) continue;
+        const struct report_renderer *renderer = &report->renderers[i];
+        if (renderer->role != ROLE_METHOD || renderer->point_count == 0) continue;
+        if (report_standing(renderer, row, EQUAL_ERROR).kind != STANDING_NOT) continue;
         text_add(page, " ");
-        page_renderer(page, standing.renderer);
-        text_add(page, standing.kind == STANDING_COARSER ? " does not get there."
-                                                         : " is finer than that at every setting.");
+        page_renderer(page, renderer);
+        text_add(page, " does not get there: its finest setting errs by ");
+        add_number(page, renderer->points[renderer->point_count - 1].error_px, "px");
+        text_add(page, ".");
     }
 }
 
-// What each method pays between the coarsest and the finest error that the table asks for.
+// By how much time grows each time the error is halved, between a curve's ends; NAN where the ends lie too
+// close.
+static double halving_cost(const struct report_renderer *renderer)
+{
+    if (renderer->role != ROLE_METHOD || renderer->point_count < 2) return NAN;
+    const struct report_point *coarse = &renderer->points[0],
+                              *fine = &renderer->points[renderer->point_count - 1];
+    double halvings = log2(coarse->error_px / fine->error_px);
+    return halvings >= 0.5 ? pow(fine->ms / coarse->ms, 1 / halvings) - 1 : (double)NAN;
+}
+
+static void add_halving_costs(const struct report *report, struct text *page)
+{
+    int count = 0, written = 0;
+    for (int i = 0; i < report->renderer_count; i++)
+        count += isfinite(halving_cost(&report->renderers[i])) != 0;
+    for (int i = 0; i < report->renderer_count; i++) {
+        double cost = halving_cost(&report->renderers[i]);
+        if (!isfinite(cost)) continue;
+        text_add(page, "%s",
+                 written == 0           ? "Halving the error costs "
+                 : written + 1 == count ? " and "
+                                        : ", ");
+        written++;
+        page_renderer(page, &report->renderers[i]);
+        if (cost >= 0.005)
+            text_add(page, " %.0f\u00a0%%", cost * 100);
+        else
+            text_add(page, " nothing");
+    }
+    if (written) text_add(page, " more time. ");
+}
+
 static void add_price(const struct report *report, struct text *page)
 {
-    const cJSON *rows = json_at(report->root, "equal_error"), *row;
     int written = 0;
     for (int i = 0; i < report->renderer_count; i++) {
         const struct report_renderer *renderer = &report->renderers[i];
-        double coarse_px = 0, fine_px = INFINITY, coarse_ms = 0, fine_ms = 0;
-        if (renderer->role != ROLE_METHOD || !cJSON_IsArray(rows)) continue;
-        cJSON_ArrayForEach(row, rows)
-        {
-            struct standing standing = report_standing(renderer, row, EQUAL_ERROR);
-            double at_px = json_number(row, "at_px");
-            if (standing.kind != STANDING_AT) continue;
-            if (at_px > coarse_px) coarse_px = at_px, coarse_ms = standing.value;
-            if (at_px < fine_px) fine_px = at_px, fine_ms = standing.value;
-        }
-        if (!(coarse_px > fine_px)) continue;
-        text_add(page, written++ ? " " : "<dt>The price</dt><dd>");
+        if (!isfinite(halving_cost(renderer))) continue;
+        const struct report_point *ends[] = {&renderer->points[0],
+                                             &renderer->points[renderer->point_count - 1]};
+        text_add(page, written++ ? "<br>" : "<dt>The price</dt><dd>");
         page_renderer(page, renderer);
-        text_add(page, " goes from ");
-        add_number(page, coarse_ms, "ms");
-        text_add(page, " at ");
-        add_number(page, coarse_px, "px");
-        text_add(page, " to ");
-        add_number(page, fine_ms, "ms");
-        text_add(page, " at ");
-        add_number(page, fine_px, "px");
-        text_add(page, ": \u00d7\u00a0");
-        add_number(page, fine_ms / coarse_ms, "");
-        text_add(page, ".");
+        for (int end = 0; end < 2; end++) {
+            text_add(page, end ? " to " : " from ");
+            add_number(page, ends[end]->ms, "ms");
+            text_add(page, " at ");
+            add_number(page, ends[end]->error_px, "px");
+            text_add(page, " (");
+            text_add_escaped(page, ends[end]->run->knob);
+            text_add(page, ")");
+        }
+        text_add(page, ": ");
+        add_number(page, ends[1]->ms / ends[0]->ms, "");
+        text_add(page, "\u00a0\u00d7 the time, ");
+        add_number(page, ends[0]->error_px / ends[1]->error_px, "");
+        text_add(page, "\u00a0\u00d7 less error.");
     }
     if (written) text_add(page, "</dd>");
 }
@@ -251,7 +307,7 @@ static void add_brute(const struct report_renderer *brute, const struct standing
         text_add(page, "\u00a0\u00d7 ");
         page_renderer(page, best->renderer);
         text_add(page, " at ");
-        add_number(page, at_px, "px");
+        add_row_key(page, at_px);
     }
     if (json_true(brute->shown->json, "uncertain") && frames > 0) {
         text_add(page, " (it flew only ");
@@ -265,21 +321,17 @@ static void add_decimated(const struct report_renderer *decimated, const struct 
                           const cJSON *row, double at_px, struct text *page)
 {
     struct standing plain = report_standing(decimated, row, EQUAL_ERROR);
+    bool known = plain.kind == STANDING_AT || plain.kind == STANDING_AT_MOST;
     text_add(page, " ");
     page_renderer(page, decimated);
     text_add(page, ", the mesh evenly sub-sampled, ");
-    if (plain.kind == STANDING_COARSER)
-        text_add(page, "does not reach ");
-    else if (plain.kind == STANDING_AT)
-        text_add(page, "needs ");
-    else
-        text_add(page, "was not measured at ");
-    if (plain.kind == STANDING_AT) {
-        add_interval(page, &plain, "ms");
-        text_add(page, " at ");
-    }
-    add_number(page, at_px, "px");
-    if (plain.kind != STANDING_AT)
+    text_add(page, known                        ? "needs "
+                   : plain.kind == STANDING_NOT ? "does not reach "
+                                                : "was not measured at ");
+    if (known) add_time(page, &plain);
+    if (known) text_add(page, " at ");
+    add_row_key(page, at_px);
+    if (!known)
         text_add(page, ".");
     else if (report_clearly_better(best, &plain))
         text_add(page, ": level of detail pays.");
@@ -303,9 +355,9 @@ static void add_baselines(const struct report *report, const cJSON *row, struct 
     if (brute) add_brute(brute, best, at_px, page);
     if (decimated && best) add_decimated(decimated, best, row, at_px, page);
     if (empty && isfinite(json_number(empty->shown->json, "frame_ms.median"))) {
-        text_add(page, " An empty frame (");
+        text_add(page, " ");
         page_renderer(page, empty);
-        text_add(page, ") costs ");
+        text_add(page, ", the empty frame, costs ");
         add_number(page, json_number(empty->shown->json, "frame_ms.median"), "ms");
         text_add(page, ", which every time here contains.");
     }
@@ -333,8 +385,12 @@ static void add_holes(const struct report *report, struct text *page)
         text_add(page, ".");
 }
 
-// At a method's best setting misses and spills have a stated bound: 0.5 % of the ground for pgm, 0.05 % for
-// others.
+static double
+outline_bound(const struct report_renderer *renderer) // share of the ground, for misses and for spills
+{
+    return strcmp(renderer->name, "pgm") == 0 ? 0.005 : 0.0005;
+}
+
 static void add_outlines(const struct report *report, struct text *page)
 {
     int written = 0, beyond = 0;
@@ -343,19 +399,23 @@ static void add_outlines(const struct report *report, struct text *page)
         if (renderer->role != ROLE_METHOD || renderer->point_count == 0) continue;
         const cJSON *run = renderer->points[renderer->point_count - 1].run->json;
         double misses = json_number(run, "misses.share"), spills = json_number(run, "spills.share");
-        double bound = strcmp(renderer->name, "pgm") == 0 ? 0.005 : 0.0005;
+        double worse = fmax(misses, spills), bound = outline_bound(renderer);
         if (isnan(misses) || isnan(spills)) continue;
-        text_add(page, written++ ? "; " : " Skylines at each finest setting, misses and spills: ");
+        text_add(page, written++ ? ", " : " Skylines drawn too low or too high, at each finest setting: ");
         page_renderer(page, renderer);
-        text_add(page, " ");
-        add_number(page, misses * 100, "% and ");
-        add_number(page, spills * 100, "% of the ground");
-        if (misses <= bound && spills <= bound) continue;
+        if (worse > 0 && worse < 1e-5)
+            text_add(page, " under 0.001\u00a0%%");
+        else {
+            text_add(page, " ");
+            add_number(page, worse * 100, "%");
+        }
+        if (worse <= bound) continue;
         beyond++;
         text_add(page, " (<b class=\"bad\">beyond the bound of ");
-        add_number(page, bound * 100, "%</b>)");
+        add_number(page, bound * 100, "%");
+        text_add(page, "</b>)");
     }
-    if (written) text_add(page, beyond ? "." : ", all within their bounds.");
+    if (written) text_add(page, beyond ? " of the ground." : " of the ground: all within their bounds.");
 }
 
 static void add_claims(const struct report *report, struct text *page)
@@ -438,6 +498,27 @@ static void add_machine(const struct report *report, struct text *page)
     text_add(page, "A ranking holds for the machine, terrain and path it was measured on.</dd>");
 }
 
+// The other rows within a factor of four of 1 px; the table has them all.
+static void add_other_rows(const struct report *report, const cJSON *main_row, struct standing *standings,
+                           struct text *page)
+{
+    const cJSON *rows = json_at(report->root, "equal_error"), *row;
+    int written = 0;
+    if (!main_row) return;
+    cJSON_ArrayForEach(row, rows)
+    {
+        double at_px = json_number(row, "at_px");
+        if (row == main_row || !(at_px >= 0.25 && at_px <= 4)) continue;
+        int count = report_standings(report, row, EQUAL_ERROR, standings);
+        if (count == 0) continue;
+        text_add(page, written++ ? "<br>At " : "<dt>At other errors</dt><dd>At ");
+        add_row_key(page, at_px);
+        text_add(page, " ");
+        add_ranking(page, standings, count);
+    }
+    if (written) text_add(page, "</dd>");
+}
+
 void report_verdict(const struct report *report, struct text *page)
 {
     struct standing *standings = calloc((size_t)report->renderer_count + 1, sizeof *standings);
@@ -445,23 +526,17 @@ void report_verdict(const struct report *report, struct text *page)
         page->out_of_memory = true;
         return;
     }
-    const cJSON *rows = json_at(report->root, "equal_error"), *row,
-                *main_row = row_nearest_1px(report, standings);
+    const cJSON *main_row = row_nearest_1px(report, standings);
     text_add(page, "<p class=\"lead\">");
+    add_halving_costs(report, page);
     if (main_row)
         add_row(report, main_row, standings, page);
     else
-        text_add(page, "No method has an error and a time that could be compared: cannot tell.");
+        text_add(page,
+                 "Which method is fastest: cannot tell, as no two have an error and a time to compare.");
     text_add(page, "</p>\n<dl class=\"verdict\">");
     add_price(report, page);
-    int others = 0;
-    if (main_row) cJSON_ArrayForEach(row, rows)
-        {
-            if (row == main_row || report_standings(report, row, EQUAL_ERROR, standings) == 0) continue;
-            text_add(page, others++ ? "<br>" : "<dt>At other errors</dt><dd>");
-            add_row(report, row, standings, page);
-        }
-    if (others) text_add(page, "</dd>");
+    add_other_rows(report, main_row, standings, page);
     add_baselines(report, main_row, standings, page);
     text_add(page, "<dt>Coverage</dt><dd>");
     add_holes(report, page);
