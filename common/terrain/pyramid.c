@@ -246,7 +246,7 @@ static void compare_row(const struct pyramid_level *finest, const struct pyramid
     const int32_t *truth = finest->samples + (y - finest->extent.y0) * pyramid_width(finest);
     double scale = ldexp(1, -shift), sum = 0, max = error->max;
     for (int64_t x = finest->extent.x0; x < finest->extent.x1;) {
-        int64_t i = (x >> shift) - level->extent.x0, x_cell = (x >> shift) << shift;
+        int64_t i = (x >> shift) - level->extent.x0, x_cell = (x >> shift) * cell;
         int64_t end = x_cell + cell < finest->extent.x1 ? x_cell + cell : finest->extent.x1;
         bool last = i + 1 >= width; // then x is on the last column itself
         double sw = south[i], se = last ? sw : south[i + 1], nw = north[i], ne = last ? nw : north[i + 1];
