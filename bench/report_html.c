@@ -1,5 +1,6 @@
-// The page around the parts: its style, its sections in reading order, the facts of machine, scene and
-// method. SPDX-License-Identifier: MIT
+// The page around the parts: its style, its sections in reading order, the facts of machine, scene
+// and method.
+// SPDX-License-Identifier: MIT
 #include "bench/report_parts.h"
 
 #include <math.h>

@@ -1,6 +1,7 @@
-// What the rooms of the report share: text that grows, the results as the report reads them, and who writes
-// which part. Inside bench/report*.c only.  Every number that was not measured is NAN here and a dash on the
-// page. SPDX-License-Identifier: MIT
+// What the rooms of the report share: text that grows, the results as the report reads them, and who
+// writes which part.  Inside bench/report*.c only.  Every number that was not measured is NAN here and
+// a dash on the page.
+// SPDX-License-Identifier: MIT
 #ifndef BENCH_REPORT_PARTS_H
 #define BENCH_REPORT_PARTS_H
 
@@ -91,7 +92,7 @@ int report_csv(const struct report *report, const char *file, const char *const 
 // DIR/<file> as path, or false for a name that leaves the folder.
 bool report_path(const struct report *report, const char *file, char *path, size_t size);
 
-// ---- report_verdict.c: who is faster, in words --------------------------------------------------
+// ---- report_standing.c: who is faster, and report_verdict.c: in words ---------------------------
 
 enum standing_kind {
     STANDING_AT,      // value holds
@@ -119,7 +120,7 @@ bool report_clearly_better(const struct standing *a, const struct standing *b);
 
 void report_verdict(const struct report *report, struct text *page);
 
-// ---- report_figures.c: DIR/figures/NAME.{dat,gp,svg} --------------------------------------------
+// ---- report_figures.c (with report_plot.h): DIR/figures/NAME.{dat,gp,svg} -----------------------
 
 enum report_figure { FIGURE_FRONTIER, FIGURE_PATH, FIGURE_TRIANGLES, FIGURE_COUNT };
 
@@ -132,7 +133,7 @@ struct report_figures {
 bool report_draw_figures(const struct report *report, struct report_figures *figures);
 void report_figures_finish(struct report_figures *figures);
 
-// ---- report_tables.c, report_pictures.c, report_html.c ------------------------------------------
+// ---- report_tables.c, report_missing.c, report_pictures.c, report_html.c ------------------------
 
 void report_equal_tables(const struct report *report, struct text *page);
 void report_steadiness(const struct report *report, struct text *page);
@@ -141,7 +142,8 @@ void report_missing(const struct report *report, struct text *page); // every nu
 void report_pictures(const struct report *report, struct text *page);
 void report_page(const struct report *report, const struct report_figures *figures, struct text *page);
 
-// A renderer's name with its colour; a dash for a number that is missing.
+// The name of a renderer, or of a run, with its colour.
 void page_renderer(struct text *page, const struct report_renderer *renderer);
+void page_run(struct text *page, const struct report *report, const struct report_run *run);
 
 #endif
