@@ -51,176 +51,186 @@ static bool add_coarser(struct pyramid *pyramid, const struct terrain_options *o
             (struct terrain_extent){coarse_first[0], coarse_first[1], coarse_first[0] + coarse_size[0],
                                     coarse_first[1] + coarse_size[1]};
         if (!allocate(coarse)) return false;
-        downsample(fine->samples, first, size, options->filter, coarse->samples);
+        if (!downsample(fine->samples, first, size, options->filter, coarse->samples)) return false;
     }
     return true;
 }
 
-// ---- prediction: U over windows whose samples beyond the border are extrapolated linearly
-// ---------------------------
+// ---- prediction: U of a level whose samples beyond the border are extrapolated linearly
+// --------------------------------
 
 static int32_t limit(int64_t q)
 {
     return q > QUANTA_LIMIT ? QUANTA_LIMIT : q < -QUANTA_LIMIT ? -QUANTA_LIMIT : (int32_t)q;
 }
 
-// Value beyond the end of a line of `size` values, `stride` apart.
-static int64_t extrapolate(const int32_t *line, int64_t stride, int64_t size, int64_t index)
+// Value at `index`, beyond the end of a line of `size` values that are `stride` apart.
+static int32_t extrapolate(const int32_t *line, int64_t stride, int64_t size, int64_t index)
 {
-    int64_t last = size - 1, nearest = index < 0 ? 0 : last, inner = index < 0 ? 1 : last - 1;
-    int64_t edge = line[nearest * stride];
-    if (size < 2) return edge;
-    return edge + llabs(index - nearest) * (edge - line[inner * stride]);
+    int64_t end = index < 0 ? 0 : size - 1, inner = size < 2 ? end : index < 0 ? 1 : size - 2;
+    int64_t edge = line[end * stride];
+    return limit(edge + llabs(index - end) * (edge - line[inner * stride]));
 }
 
-// Row y of a level, columns x0 .. x0 + count - 1, both counted from the extent's corner, extrapolated where
-// outside.
-static void extended_row(const struct pyramid_level *level, int64_t y, int64_t x0, int64_t count,
-                         int32_t *out)
+// What U of a whole level reads.
+struct prediction {
+    struct terrain_extent fine; // extent of the finer level
+    int64_t columns;
+    int32_t *coarse; // owned; starts at (fine.x0 >> 1) - 1, (fine.y0 >> 1) - 1
+};
+
+// Copies a level with the samples beyond its border that U needs.  The finer extent lies within the coarser
+// one.
+static bool prediction_init(struct prediction *prediction, const struct pyramid_level *coarse,
+                            const struct terrain_extent *fine)
 {
-    int64_t width = pyramid_width(level), height = pyramid_height(level);
-    for (int64_t i = 0; i < count; i++) {
-        int64_t x = x0 + i, nearest_x = x < 0 ? 0 : x >= width ? width - 1 : x;
-        if (y < 0 || y >= height)
-            out[i] = limit(extrapolate(level->samples + nearest_x, width, height, y));
-        else
-            out[i] = level->samples[y * width + nearest_x];
+    int64_t width = pyramid_width(coarse), height = pyramid_height(coarse);
+    int64_t x0 = (fine->x0 >> 1) - 1 - coarse->extent.x0, y0 = (fine->y0 >> 1) - 1 - coarse->extent.y0;
+    int64_t columns = upsample_coarse_size(fine->x0, (int)(fine->x1 - fine->x0));
+    int64_t rows = upsample_coarse_size(fine->y0, (int)(fine->y1 - fine->y0));
+    int32_t *out = malloc((size_t)(columns * rows) * sizeof *out);
+    *prediction = (struct prediction){*fine, columns, out};
+    if (!out) return false;
+    int64_t from = x0 < 0 ? -x0 : 0, to = width - x0 < columns ? width - x0 : columns; // columns inside
+    for (int64_t j = 0; j < rows; j++, out += columns) {
+        const int32_t *row = coarse->samples + x0;
+        bool inside = y0 + j >= 0 && y0 + j < height;
+        for (int64_t i = from; i < to; i++)
+            out[i] = inside ? row[(y0 + j) * width + i] : extrapolate(row + i, width, height, y0 + j);
+        for (int64_t i = 0; i < from; i++) out[i] = extrapolate(out + from, 1, to - from, i - from);
+        for (int64_t i = to; i < columns; i++) out[i] = extrapolate(out + from, 1, to - from, i - from);
     }
-    int64_t inside_from = x0 < 0 ? -x0 : 0, inside_to = width - x0 < count ? width - x0 : count;
-    for (int64_t i = 0; i < inside_from; i++)
-        out[i] = limit(extrapolate(out + inside_from, 1, inside_to - inside_from, i - inside_from));
-    for (int64_t i = inside_to; i < count; i++)
-        out[i] = limit(extrapolate(out + inside_from, 1, inside_to - inside_from, i - inside_from));
+    return true;
 }
 
-// U of the level: `height` rows of the finer level's extent from row y0 (an absolute index of the finer
-// level).
-static void predict_rows(const struct pyramid_level *coarse, const struct terrain_extent *fine, int64_t y0,
-                         int height, int32_t *out)
+// U of the rows of one block of the finer level.
+static int64_t predict_block(const struct prediction *p, int block, int32_t *out)
 {
-    int width = (int)(fine->x1 - fine->x0);
-    int columns = upsample_coarse_size(fine->x0, width), rows = upsample_coarse_size(y0, height);
-    int32_t *window = malloc((size_t)columns * (size_t)rows * sizeof *window);
-    if (!window) abort();
-    int64_t x = (fine->x0 >> 1) - 1 - coarse->extent.x0, y = (y0 >> 1) - 1 - coarse->extent.y0;
-    for (int row = 0; row < rows; row++)
-        extended_row(coarse, y + row, x, columns, window + (size_t)row * (size_t)columns);
-    upsample(window, fine->x0, y0, width, height, out);
-    free(window);
+    int64_t y = p->fine.y0 + (int64_t)block * ROWS_A_BLOCK;
+    int64_t rows = p->fine.y1 - y < ROWS_A_BLOCK ? p->fine.y1 - y : ROWS_A_BLOCK;
+    upsample(p->coarse + ((y >> 1) - (p->fine.y0 >> 1)) * p->columns, p->fine.x0, y,
+             (int)(p->fine.x1 - p->fine.x0), (int)rows, out);
+    return rows;
 }
 
 // ---- finer levels
 // -----------------------------------------------------------------------------------------------
 
 struct synthesis {
-    const struct pyramid_level *coarse;
+    struct prediction prediction;
     struct pyramid_level *fine;
     int level;
     uint64_t seed;
 };
 
-static void synthesise_rows(int block, void *user)
+static void synthesise_block(int block, void *user)
 {
     const struct synthesis *s = user;
     int64_t width = pyramid_width(s->fine), y = s->fine->extent.y0 + (int64_t)block * ROWS_A_BLOCK;
-    int64_t rows = s->fine->extent.y1 - y < ROWS_A_BLOCK ? s->fine->extent.y1 - y : ROWS_A_BLOCK;
-    int32_t *out = s->fine->samples + (int64_t)block * ROWS_A_BLOCK * width;
-    predict_rows(s->coarse, &s->fine->extent, y, (int)rows, out);
-    for (int64_t j = 0; j < rows; j++) {
-        int32_t *row = out + j * width;
+    int32_t *row = s->fine->samples + (int64_t)block * ROWS_A_BLOCK * width;
+    int64_t rows = predict_block(&s->prediction, block, row);
+    for (int64_t j = 0; j < rows; j++, row += width) {
         if (s->fine->sigma_q > 0)
             synthesis_add_row(row, width, s->fine->extent.x0, y + j, s->level, s->seed, s->fine->sigma_q);
         for (int64_t i = 0; i < width; i++) row[i] = limit(row[i]);
     }
 }
 
+enum { MARGIN = 4 }; // samples next to the border are not measured: there U and D only extrapolate
+
 struct residual {
-    const struct pyramid_level *coarse, *fine;
-    int64_t margin;  // samples next to the border are left out: there U and D only extrapolate
-    double *squares; // a sum for each block
+    struct prediction prediction;
+    const struct pyramid_level *fine;
+    int32_t *predicted; // a whole level
+    double *squares;    // a sum for each block
 };
 
-static void measure_residual(int block, void *user)
+static void measure_block(int block, void *user)
 {
     const struct residual *r = user;
-    const struct terrain_extent *e = &r->fine->extent;
-    int64_t width = pyramid_width(r->fine), y = e->y0 + (int64_t)block * ROWS_A_BLOCK;
-    int64_t rows = e->y1 - y < ROWS_A_BLOCK ? e->y1 - y : ROWS_A_BLOCK;
-    int32_t *predicted = malloc((size_t)(width * rows) * sizeof *predicted);
-    if (!predicted) abort();
-    predict_rows(r->coarse, e, y, (int)rows, predicted);
+    int64_t width = pyramid_width(r->fine), y = (int64_t)block * ROWS_A_BLOCK;
+    int32_t *predicted = r->predicted + y * width;
+    int64_t rows = predict_block(&r->prediction, block, predicted);
+    const int32_t *row = r->fine->samples + y * width;
     double sum = 0;
-    for (int64_t j = 0; j < rows; j++) {
-        if (y + j < e->y0 + r->margin || y + j >= e->y1 - r->margin) continue;
-        const int32_t *row = r->fine->samples + (y + j - e->y0) * width;
-        for (int64_t i = r->margin; i < width - r->margin; i++) {
-            double d = row[i] - predicted[j * width + i];
+    for (int64_t j = 0; j < rows; j++, row += width, predicted += width) {
+        if (y + j < MARGIN || y + j >= pyramid_height(r->fine) - MARGIN) continue;
+        for (int64_t i = MARGIN; i < width - MARGIN; i++) {
+            double d = row[i] - predicted[i];
             sum += d * d;
         }
     }
     r->squares[block] = sum;
-    free(predicted);
 }
 
-// Root mean square, in quanta, of T_level - U(T_level+1) away from the border.
+// Root mean square, in quanta, of T_level - U(T_level+1) away from the border; negative when memory runs out.
 static double residual_rms(const struct pyramid *pyramid, int level)
 {
-    enum { MARGIN = 4 };
     const struct pyramid_level *fine = pyramid_level(pyramid, level);
-    struct residual r = {pyramid_level(pyramid, level + 1), fine, MARGIN, NULL};
-    int blocks = blocks_of(pyramid_height(fine));
+    int64_t width = pyramid_width(fine), height = pyramid_height(fine);
+    int blocks = blocks_of(height);
+    struct residual r = {.fine = fine};
+    bool good = prediction_init(&r.prediction, pyramid_level(pyramid, level + 1), &fine->extent);
+    r.predicted = malloc((size_t)(width * height) * sizeof *r.predicted);
     r.squares = calloc((size_t)blocks, sizeof *r.squares);
-    if (!r.squares) abort();
-    parallel_blocks(blocks, 0, measure_residual, &r);
+    good = good && r.predicted && r.squares;
     double sum = 0;
-    for (int i = 0; i < blocks; i++) sum += r.squares[i];
+    if (good) {
+        parallel_blocks(blocks, 0, measure_block, &r);
+        for (int i = 0; i < blocks; i++) sum += r.squares[i];
+    }
+    free(r.prediction.coarse);
+    free(r.predicted);
     free(r.squares);
-    double count = (double)(pyramid_width(fine) - 2 * MARGIN) * (double)(pyramid_height(fine) - 2 * MARGIN);
-    return sqrt(sum / count);
+    return good ? sqrt(sum / ((double)(width - 2 * MARGIN) * (double)(height - 2 * MARGIN))) : -1;
 }
 
 // Noise of the finer levels: the residuals of the stored levels are measured, and their spread continued as
-// the power of the spacing that fits them best (least squares over the logarithms).  Terrain too small to
-// measure gets none.
-static void choose_sigmas(struct pyramid *pyramid)
+// the power of the spacing that fits them best (least squares over the logarithms).  Ground too small to
+// measure, or without residuals, gets none.
+static bool choose_sigmas(struct pyramid *pyramid)
 {
     enum { MOST = 5, SMALLEST = 24 };
-    double log_sigma[MOST];
+    double log_sigma[MOST], mean = 0, up = 0, down = 0;
     int count = 0;
     for (int l = 0; l < pyramid->coarsest && count < MOST; l++) {
         const struct pyramid_level *level = pyramid_level(pyramid, l);
         if (pyramid_width(level) < SMALLEST || pyramid_height(level) < SMALLEST) break;
         double rms = residual_rms(pyramid, l);
-        if (rms <= 0) break;
+        if (rms < 0) return false;
+        if (rms == 0) break;
         log_sigma[count++] = log2(rms);
     }
-    if (count == 0) return;
-    double mean_l = (count - 1) / 2.0, mean = 0, up = 0, down = 0;
+    if (count == 0) return true;
+    double middle = (count - 1) / 2.0;
     for (int l = 0; l < count; l++) mean += log_sigma[l] / count;
     for (int l = 0; l < count; l++) {
-        up += (l - mean_l) * (log_sigma[l] - mean);
-        down += (l - mean_l) * (l - mean_l);
+        up += (l - middle) * (log_sigma[l] - mean);
+        down += (l - middle) * (l - middle);
     }
     // One level tells no slope: take that of a surface of bounded slope.  Detail never grows as it gets
     // finer.
     double slope = count > 1 ? up / down : 1;
     if (slope < 0) slope = 0;
-    for (int l = -1; l >= pyramid->finest; l--) at(pyramid, l)->sigma_q = exp2(mean + slope * (l - mean_l));
+    for (int l = -1; l >= pyramid->finest; l--) at(pyramid, l)->sigma_q = exp2(mean + slope * (l - middle));
+    return true;
 }
 
 static bool add_finer(struct pyramid *pyramid, const struct terrain_options *options)
 {
     pyramid->finest = -options->synthesize_levels;
     if (pyramid->finest == 0) return true;
-    choose_sigmas(pyramid);
+    if (!choose_sigmas(pyramid)) return false;
     for (int l = -1; l >= pyramid->finest; l--) {
         const struct pyramid_level *coarse = pyramid_level(pyramid, l + 1);
         struct pyramid_level *fine = at(pyramid, l);
         const struct terrain_extent *e = &coarse->extent;
         fine->extent = (struct terrain_extent){2 * e->x0, 2 * e->y0, 2 * e->x1 - 1, 2 * e->y1 - 1};
-        if (!allocate(fine)) return false;
-        struct synthesis s = {coarse, fine, l, options->seed};
-        parallel_blocks(blocks_of(pyramid_height(fine)), 0, synthesise_rows, &s);
+        struct synthesis s = {.fine = fine, .level = l, .seed = options->seed};
+        bool good = allocate(fine) && prediction_init(&s.prediction, coarse, &fine->extent);
+        if (good) parallel_blocks(blocks_of(pyramid_height(fine)), 0, synthesise_block, &s);
+        free(s.prediction.coarse);
+        if (!good) return false;
     }
     return true;
 }

@@ -63,8 +63,10 @@ struct terrain_options {
     enum terrain_filter filter;
     int synthesize_levels; // finer levels to add, 0..8
     uint64_t seed;         // of the noise
-    int refine_bits;       // source quantum is divided by 2^this (0: chosen so that noise is not flattened)
-    int min_size;          // levels are added until neither side has more samples than this; 0: 8
+    // The source quantum is divided by 2^this, or by as much as keeps |q| <= 2^21; 0: 8 bits when levels are
+    // synthesised, so that their noise is not flattened, else none.
+    int refine_bits;
+    int min_size; // levels are added until neither side has more samples than this; 0: 8, at least 3
 };
 
 // Reads any elevation file: 16-bit PNG with a JSON sidecar, SRTM .hgt, raw 16-bit or float with a sidecar,

@@ -88,7 +88,8 @@ struct downsampling {
     const int32_t *fine;
     const struct taps *taps;
     int64_t first[2], size[2], coarse_first[2], coarse_size[2];
-    int32_t *rows; // fine rows filtered along x, scaled by 2^shift; GHOSTS more rows on either side
+    int32_t *rows;     // fine rows filtered along x, scaled by 2^shift; GHOSTS more rows on either side
+    int32_t *extended; // for each block one fine row with GHOSTS more samples on either side
     int32_t *coarse;
 };
 
@@ -114,8 +115,7 @@ static void filter_rows(int block, void *user)
 {
     const struct downsampling *d = user;
     int64_t size = d->size[0], cells = slope_cells(size), end = (int64_t)(block + 1) * ROWS_A_BLOCK;
-    int32_t *extended = malloc((size_t)(size + 2 * GHOSTS) * sizeof *extended);
-    if (!extended) abort();
+    int32_t *extended = d->extended + block * (size + 2 * GHOSTS);
     for (int64_t y = (int64_t)block * ROWS_A_BLOCK; y < end && y < d->size[1]; y++) {
         const int32_t *row = d->fine + y * size;
         memcpy(extended + GHOSTS, row, (size_t)size * sizeof *row);
@@ -131,7 +131,6 @@ static void filter_rows(int block, void *user)
             out[i] = sum;
         }
     }
-    free(extended);
 }
 
 static void extend_columns(const struct downsampling *d)
@@ -161,7 +160,7 @@ static void filter_columns(int block, void *user)
     }
 }
 
-void downsample(const int32_t *fine, const int64_t first[2], const int64_t size[2],
+bool downsample(const int32_t *fine, const int64_t first[2], const int64_t size[2],
                 enum terrain_filter filter, int32_t *coarse)
 {
     struct downsampling d = {.fine = fine, .taps = &FILTERS[filter], .coarse = coarse};
@@ -171,10 +170,17 @@ void downsample(const int32_t *fine, const int64_t first[2], const int64_t size[
         d.coarse_first[axis] = downsample_first(first[axis]);
         d.coarse_size[axis] = downsample_size(first[axis], size[axis]);
     }
+    int blocks = (int)((d.size[1] + ROWS_A_BLOCK - 1) / ROWS_A_BLOCK);
+    int coarse_blocks = (int)((d.coarse_size[1] + ROWS_A_BLOCK - 1) / ROWS_A_BLOCK);
     d.rows = malloc((size_t)(d.coarse_size[0] * (d.size[1] + 2 * GHOSTS)) * sizeof *d.rows);
-    if (!d.rows) abort();
-    parallel_blocks((int)((d.size[1] + ROWS_A_BLOCK - 1) / ROWS_A_BLOCK), 0, filter_rows, &d);
-    extend_columns(&d);
-    parallel_blocks((int)((d.coarse_size[1] + ROWS_A_BLOCK - 1) / ROWS_A_BLOCK), 0, filter_columns, &d);
+    d.extended = malloc((size_t)(blocks * (d.size[0] + 2 * GHOSTS)) * sizeof *d.extended);
+    bool good = d.rows && d.extended;
+    if (good) {
+        parallel_blocks(blocks, 0, filter_rows, &d);
+        extend_columns(&d);
+        parallel_blocks(coarse_blocks, 0, filter_columns, &d);
+    }
     free(d.rows);
+    free(d.extended);
+    return good;
 }
