@@ -70,16 +70,17 @@ struct terrain_options {
 };
 
 // Reads any elevation file: 16-bit PNG with a JSON sidecar, SRTM .hgt, raw 16-bit or float with a sidecar,
-// and what GDAL reads when built with it.  NULL after one line on stderr.
+// and what GDAL reads when built with it (heightfield.h says how).  Voids are filled, with a note.  NULL
+// after one line on stderr.
 struct terrain *terrain_load(const char *path, const struct terrain_options *options);
 
 // The grid that the program carries: Jacksboro fault, 403 x 344 samples, U.S. Geological Survey, public
 // domain.
 struct terrain *terrain_builtin(const struct terrain_options *options);
 
-// Builds from samples in memory: row 0 is the SOUTH row, values in quanta; INT32_MIN is a void.  `first` is
-// the index of the sample in the south-west corner (any int64: tests put terrain 1e10 samples from the
-// origin).  Copies the samples.
+// Builds from samples in memory: row 0 is the SOUTH row, values in quanta, |q| < 2^22; INT32_MIN is a void.
+// `first` is the index of the sample in the south-west corner (any int64: tests put terrain 1e10 samples from
+// the origin).  Copies the samples; options may be NULL.  NULL after one line on stderr.
 struct terrain_grid {
     const char *name;
     const int32_t *samples;

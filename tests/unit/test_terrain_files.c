@@ -7,9 +7,11 @@
 #include "common/terrain/heightfield.h"
 #include "common/terrain/terrain.h"
 
+#include <cjson/cJSON.h>
 #include <fcntl.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 
 static char folder[64];
 
@@ -396,6 +398,111 @@ static void unwritable_places(void **state)
     assert_int_equal(access(in_folder("taken.json"), F_OK), -1);
 }
 
+static void mutated_files(void **state) // whatever a file holds: a terrain, or one line
+{
+    (void)state;
+    static const char SIDE[] =
+        "{\"width\": 6, \"height\": 5, \"dtype\": \"float32\", \"spacing_m\": [3, 4.5], "
+        "\"height_scale\": 0.5, \"height_offset\": -3, \"nodata\": -1, \"endian\": \"big\"}";
+    uint64_t random = 5;
+    int cases = test_size(3000, 300000), good = 0;
+    for (int n = 0; n < cases; n++) {
+        unsigned char data[6 * 5 * 4];
+        char side[sizeof SIDE], text[4096];
+        for (size_t i = 0; i < sizeof data; i++) data[i] = (unsigned char)test_random(&random);
+        memcpy(side, SIDE, sizeof side);
+        for (uint64_t k = test_random(&random) % 4; k > 0; k--)
+            side[test_random(&random) % (sizeof side - 1)] =
+                (char)(test_random(&random) % 2 ? test_random(&random) % 128
+                                                : '0' + test_random(&random) % 10);
+        size_t cut = n % 5 ? sizeof side - 1 : test_random(&random) % sizeof side;
+        write_bytes("m.raw", data, n % 7 ? sizeof data : test_random(&random) % sizeof data);
+        write_bytes("m.json", side, cut);
+        hold_stderr();
+        struct terrain *terrain = load("m.raw");
+        int lines = release_stderr(text, sizeof text);
+        if (!terrain && lines != 1) fail_msg("case %d: %d lines: %s", n, lines, text);
+        if (terrain) {
+            const struct terrain_info *info = terrain_info(terrain);
+            assert_true(lines <= 1 && isfinite(info->quantum_m) && info->quantum_m > 0 &&
+                        isfinite(info->offset_m));
+            assert_true(isfinite(terrain_level(terrain, info->coarsest).rms_error_m));
+            good++;
+        }
+        terrain_destroy(terrain);
+    }
+    FIGURE("mutated raw files: %d, of them taken: %d", cases, good);
+}
+
+// ---- the program
+// --------------------------------------------------------------------------------------------------------
+
+// Runs build/terrain with stdout and stderr in files; returns its exit code.
+static int run(const char *arguments, char *out, char *err, size_t size)
+{
+    const char *build = getenv("RELIEF_BUILD");
+    char command[1024];
+    snprintf(command, sizeof command, "'%s/terrain' %s >'%s' 2>'%s'", build ? build : "build", arguments,
+             in_folder("out"), in_folder("err"));
+    int status = system(command);
+    char *texts[2] = {out, err};
+    for (int i = 0; i < 2; i++) {
+        FILE *file = fopen(in_folder(i ? "err" : "out"), "r");
+        texts[i][fread(texts[i], 1, size - 1, file)] = 0;
+        fclose(file);
+    }
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+static void program_does_what_help_says(void **state)
+{
+    (void)state;
+    static char out[20000], err[20000], arguments[600];
+    const char *f = folder;
+    assert_int_equal(run("--help", out, err, sizeof out), 0);
+    assert_true(strstr(out, "import") && strstr(out, "generate") && !*err);
+    assert_int_equal(run("--version", out, err, sizeof out), 0);
+    snprintf(arguments, sizeof arguments,
+             "generate %s/g.png --kind ramp --size 33x17 --spacing 10 --relief 64", f);
+    assert_int_equal(run(arguments, out, err, sizeof out), 0);
+    snprintf(arguments, sizeof arguments, "import %s/g.png %s/h.png", f, f);
+    assert_int_equal(run(arguments, out, err, sizeof out), 0);
+    snprintf(arguments, sizeof arguments, "info --json %s/h.png", f);
+    assert_int_equal(run(arguments, out, err, sizeof out), 0);
+    cJSON *root = cJSON_Parse(out);
+    assert_non_null(root);
+    static const struct {
+        const char *key;
+        double value;
+    } NUMBERS[] = {{"width", 33}, {"height", 17}, {"side_bytes", 0},
+                   {"rms_m", 0},  {"max_m", 0},   {"max_height_m", 64}};
+    for (size_t i = 0; i < sizeof NUMBERS / sizeof *NUMBERS; i++)
+        assert_true(cJSON_GetNumberValue(cJSON_GetObjectItem(root, NUMBERS[i].key)) == NUMBERS[i].value);
+    assert_true(cJSON_GetNumberValue(cJSON_GetArrayItem(cJSON_GetObjectItem(root, "spacing_m"), 1)) == 10);
+    cJSON_Delete(root);
+    static const struct {
+        const char *arguments, *word;
+        int code;
+    } BAD[] = {{"", "generate", 2},
+               {"fly", "fly", 2},
+               {"info", "info", 2},
+               {"info a b", "b", 2},
+               {"info --jsn x.png", "--jsn", 2},
+               {"info nowhere.png", "nowhere.png", 1},
+               {"import x.png", "import", 2},
+               {"import x.png y.tif", ".png", 2},
+               {"import nowhere.hgt y.png", "nowhere.hgt", 1},
+               {"generate x.png --kind hole", "--kind", 2},
+               {"generate x.png --size 0x0", "--size", 2},
+               {"generate nowhere/x.png", "nowhere/x", 1}};
+    for (size_t i = 0; i < sizeof BAD / sizeof *BAD; i++) {
+        int code = run(BAD[i].arguments, out, err, sizeof out), lines = 0;
+        for (const char *c = err; *c; c++) lines += *c == '\n';
+        if (code != BAD[i].code || lines != 1 || !strstr(err, BAD[i].word))
+            fail_msg("terrain %s: code %d, %d lines: %s", BAD[i].arguments, code, lines, err);
+    }
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -423,6 +530,8 @@ int main(void)
         cmocka_unit_test(bad_pngs),
         cmocka_unit_test(bad_sidecars),
         cmocka_unit_test(unwritable_places),
+        cmocka_unit_test(mutated_files),
+        cmocka_unit_test(program_does_what_help_says),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
