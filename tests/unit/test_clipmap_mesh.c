@@ -1,0 +1,213 @@
+// Index lists and the cutting of regions: the drawn levels are one closed surface.
+// SPDX-License-Identifier: MIT
+#include "clipmap/clipmap_mesh.h"
+#include "tests/test.h"
+
+#include <string.h>
+
+struct world {
+    struct clipmap_shape shape;
+    struct view_origin eyes[CLIPMAP_MAX_LEVELS];
+    struct clipmap_region regions[CLIPMAP_MAX_LEVELS];
+};
+
+static void world_at(struct world *world, int n, int64_t width, int64_t height, double x, double y)
+{
+    const struct clipmap_rules rules = {
+        .n = n, .transition = 0.1, .alpha = CLIPMAP_ALPHA_STABLE, .fade = true};
+    const struct terrain_extent extent = {-width / 2, -7, -width / 2 + width, -7 + height};
+    struct view view = {.lattice_bits = 8, .eye_lattice = {llround(x * 256), llround(y * 256)}};
+    memset(world, 0, sizeof *world);
+    clipmap_shape_init(&world->shape, &rules, CLIPMAP_MAX_LEVELS, &extent, 1);
+    for (int k = 0; k < world->shape.levels; k++) world->eyes[k] = view_level_origin(&view, k);
+    clipmap_regions(&world->shape, world->eyes, 0, NULL, world->regions);
+}
+
+// ---- lists
+// ------------------------------------------------------------------------------------------------------
+
+static void blocks_fill_their_cells(void **state)
+{
+    (void)state;
+    struct clipmap_mesh mesh;
+    assert_true(clipmap_mesh_init(&mesh));
+    for (int height = 1; height <= CLIPMAP_BLOCK; height++)
+        for (int width = 1; width <= CLIPMAP_BLOCK; width++) {
+            const struct clipmap_list *list = &mesh.lists[clipmap_block_kind(width, height)];
+            assert_int_equal(list->count, 6 * width * height);
+            for (uint32_t i = 0; i < list->count; i += 3) {
+                int x[3], y[3];
+                for (int v = 0; v < 3; v++) {
+                    int id = mesh.indices[list->first + i + (uint32_t)v];
+                    x[v] = id % CLIPMAP_ROW, y[v] = id / CLIPMAP_ROW;
+                    assert_true(x[v] <= width && y[v] <= height);
+                }
+                int doubled_area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]);
+                assert_int_equal(doubled_area, 1); // counter-clockwise seen from above
+            }
+        }
+    assert_int_equal(mesh.lists[CLIPMAP_KINDS - 1].first + mesh.lists[CLIPMAP_KINDS - 1].count, mesh.count);
+    clipmap_mesh_finish(&mesh);
+}
+
+struct cells {
+    struct clipmap_box box;
+    uint8_t *times;
+};
+
+static void count_cells(void *user, const struct clipmap_piece *piece)
+{
+    struct cells *cells = user;
+    int64_t width = cells->box.hi[0] - cells->box.lo[0];
+    assert_int_equal(piece->kind, clipmap_block_kind(piece->extent[0], piece->extent[1]));
+    for (int y = 0; y < piece->extent[1]; y++)
+        for (int x = 0; x < piece->extent[0]; x++)
+            cells->times[(piece->corner[1] + y - cells->box.lo[1]) * width + piece->corner[0] + x -
+                         cells->box.lo[0]]++;
+}
+
+// Each cell between the active region and its hole is drawn once, and none in the hole.
+static void blocks_cover_the_render_region_once(void **state)
+{
+    (void)state;
+    static const int sizes[] = {11, 15, 31, 63, 127};
+    uint64_t seed = 1;
+    for (int s = 0; s < 5; s++)
+        for (int i = 0; i < test_size(60, 2000); i++) {
+            struct world world;
+            world_at(&world, sizes[s], 40000, 30000, test_uniform(&seed, -9000, 9000),
+                     test_uniform(&seed, 9000, 20000));
+            for (int k = 0; k + 4 < world.shape.levels; k++) { // away from the map's edge
+                const struct clipmap_region *region = &world.regions[k];
+                struct cells cells = {region->active, NULL};
+                int64_t width = region->active.hi[0] - region->active.lo[0];
+                cells.times = calloc((size_t)(width * (region->active.hi[1] - region->active.lo[1])), 1);
+                assert_non_null(cells.times);
+                clipmap_cut_blocks(region, k > 0 ? region - 1 : NULL, count_cells, &cells);
+                for (int64_t y = region->active.lo[1]; y < region->active.hi[1]; y++)
+                    for (int64_t x = region->active.lo[0]; x < region->active.hi[0]; x++) {
+                        const struct clipmap_box *hole = &region->hole;
+                        bool in_hole =
+                            x >= hole->lo[0] && x < hole->hi[0] && y >= hole->lo[1] && y < hole->hi[1];
+                        assert_int_equal(
+                            cells.times[(y - region->active.lo[1]) * width + x - region->active.lo[0]],
+                            !in_hole);
+                    }
+                free(cells.times);
+            }
+        }
+}
+
+// ---- one closed surface
+// ---------------------------------------------------------------------------------------
+
+struct edge { // between two vertices in cells of the finest level, a before b; turns: +1 drawn a to b, -1 b
+              // to a
+    int64_t a[2], b[2];
+    int turns;
+};
+
+struct surface {
+    const struct world *world;
+    const struct clipmap_mesh *mesh;
+    int level;
+    struct edge *edges;
+    size_t count, capacity;
+};
+
+static void add_edge(struct surface *surface, const int64_t from[2], const int64_t to[2])
+{
+    if (surface->count == surface->capacity) {
+        surface->capacity = surface->capacity ? 2 * surface->capacity : 1 << 16;
+        surface->edges = realloc(surface->edges, surface->capacity * sizeof *surface->edges);
+        assert_non_null(surface->edges);
+    }
+    bool forward = from[0] < to[0] || (from[0] == to[0] && from[1] < to[1]);
+    const int64_t *a = forward ? from : to, *b = forward ? to : from;
+    surface->edges[surface->count++] = (struct edge){{a[0], a[1]}, {b[0], b[1]}, forward ? 1 : -1};
+}
+
+static void add_piece(void *user, const struct clipmap_piece *piece)
+{
+    struct surface *surface = user;
+    const struct clipmap_list *list = &surface->mesh->lists[piece->kind];
+    for (uint32_t i = 0; i < list->count; i += 3) {
+        int64_t at[3][2];
+        for (int v = 0; v < 3; v++) {
+            int id = surface->mesh->indices[list->first + i + (uint32_t)v];
+            at[v][0] = (piece->corner[0] + id % CLIPMAP_ROW) * ((int64_t)1 << surface->level);
+            at[v][1] = (piece->corner[1] + id / CLIPMAP_ROW) * ((int64_t)1 << surface->level);
+        }
+        for (int v = 0; v < 3; v++) add_edge(surface, at[v], at[(v + 1) % 3]);
+    }
+}
+
+static int compare_edges(const void *left, const void *right)
+{
+    return memcmp(left, right, offsetof(struct edge, turns));
+}
+
+static bool on_or_off_the_edge(const struct world *world, const int64_t at[2])
+{
+    const struct clipmap_box *map = &world->shape.map[0];
+    return at[0] <= map->lo[0] || at[1] <= map->lo[1] || at[0] >= map->hi[0] || at[1] >= map->hi[1];
+}
+
+// Edges inside the map that are not drawn once in each direction.
+static uint64_t open_edges(const struct world *world, const struct clipmap_mesh *mesh, bool stitch)
+{
+    struct surface surface = {.world = world, .mesh = mesh};
+    for (int k = 0; k < world->shape.levels; k++) {
+        surface.level = k;
+        clipmap_cut_blocks(&world->regions[k], k > 0 ? &world->regions[k - 1] : NULL, add_piece, &surface);
+        if (stitch) clipmap_cut_stitches(&world->regions[k], add_piece, &surface);
+    }
+    qsort(surface.edges, surface.count, sizeof *surface.edges, compare_edges);
+    uint64_t open = 0;
+    for (size_t i = 0, end; i < surface.count; i = end) {
+        int turns = 0;
+        for (end = i; end < surface.count && compare_edges(&surface.edges[i], &surface.edges[end]) == 0;
+             end++)
+            turns += surface.edges[end].turns;
+        bool border =
+            on_or_off_the_edge(world, surface.edges[i].a) && on_or_off_the_edge(world, surface.edges[i].b);
+        open += turns != 0 && !border;
+    }
+    free(surface.edges);
+    return open;
+}
+
+static void levels_and_stitches_are_one_closed_surface(void **state)
+{
+    (void)state;
+    static const int sizes[] = {11, 15, 31, 63};
+    static const int64_t maps[][2] = {{1000, 700}, {65, 65}, {300, 12}, {513, 512}, {3, 200}};
+    struct clipmap_mesh mesh;
+    assert_true(clipmap_mesh_init(&mesh));
+    uint64_t seed = 2, with = 0, without = 0, views = 0;
+    for (int s = 0; s < 4; s++)
+        for (int m = 0; m < 5; m++)
+            for (int i = 0; i < test_size(6, 100); i++, views++) {
+                struct world world;
+                double x = test_uniform(&seed, -0.6, 0.6) * (double)maps[m][0];
+                double y = test_uniform(&seed, -0.1, 1.1) * (double)maps[m][1];
+                world_at(&world, sizes[s], maps[m][0], maps[m][1], x, y);
+                with += open_edges(&world, &mesh, true);
+                without += open_edges(&world, &mesh, false);
+            }
+    FIGURE("closed surface: %lu views, %lu open edges inside the map (%lu without stitches)", views, with,
+           without);
+    assert_int_equal(with, 0);
+    assert_true(without > 0);
+    clipmap_mesh_finish(&mesh);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(blocks_fill_their_cells),
+        cmocka_unit_test(blocks_cover_the_render_region_once),
+        cmocka_unit_test(levels_and_stitches_are_one_closed_surface),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
