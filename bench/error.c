@@ -49,8 +49,7 @@ struct places *truth_places(const struct truth *truth, int threads)
     return places;
 }
 
-// ---- pixel by pixel
-// ------------------------------------------------------------------------------------------------
+// ---- pixel by pixel -----------------------------------------------------------------------------
 
 struct measuring {
     struct frame_error *error;
@@ -165,8 +164,7 @@ static void measure_rows(int block, void *user)
     }
 }
 
-// ---- regions and skylines
-// ------------------------------------------------------------------------------------------
+// ---- regions and skylines -----------------------------------------------------------------------
 
 static bool is_truth_sky(uint8_t kind)
 {
@@ -299,8 +297,7 @@ void frame_error_measure(struct frame_error *error, const struct terrain *terrai
     error->beyond_window = m.beyond_window;
 }
 
-// ---- the picture
-// ---------------------------------------------------------------------------------------------------
+// ---- the picture --------------------------------------------------------------------------------
 
 void frame_error_colour(double error_px, uint8_t rgb[3])
 {
@@ -329,8 +326,7 @@ void frame_error_picture(const struct frame_error *error, uint8_t *rgb)
     }
 }
 
-// ---- statistics
-// ----------------------------------------------------------------------------------------------------
+// ---- statistics ---------------------------------------------------------------------------------
 
 bool error_samples_add(struct error_samples *samples, const float *values, size_t count)
 {

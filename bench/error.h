@@ -67,8 +67,7 @@ struct places *truth_places(const struct truth *truth, int threads);
 void frame_error_picture(const struct frame_error *error, uint8_t *rgb);
 void frame_error_colour(double error_px, uint8_t rgb[3]);
 
-// ---- statistics over many frames
-// -----------------------------------------------------------------------------------
+// ---- statistics over many frames ----------------------------------------------------------------
 
 struct error_summary { // results.json: error_px{...}
     double mean, rms, p50, p99, p999, max, share_over_1px;

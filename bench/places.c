@@ -56,8 +56,7 @@ static bool overlap(const struct box *a, const struct box *b)
     return (a->x0 <= b->x1) & (b->x0 <= a->x1) & (a->y0 <= b->y1) & (b->y0 <= a->y1);
 }
 
-// ---- the tree
-// ------------------------------------------------------------------------------------------------------
+// ---- the tree -----------------------------------------------------------------------------------
 
 // Puts the place that belongs at `middle` there, nearer ones before it and farther ones after it (Hoare's
 // select).
@@ -231,8 +230,7 @@ bool places_height(const struct places *places, size_t k, double *low, double *h
     return *low <= *high;
 }
 
-// ---- one triangle
-// --------------------------------------------------------------------------------------------------
+// ---- one triangle -------------------------------------------------------------------------------
 
 // Both triangles of an edge see it from the same end, so that they agree on which side a place is on.
 struct edge {
@@ -296,8 +294,7 @@ static void cover(struct places *places, const struct triangle *triangle, size_t
     }
 }
 
-// ---- the stream
-// ----------------------------------------------------------------------------------------------------
+// ---- the stream ---------------------------------------------------------------------------------
 
 static inline float min3(float a, float b, float c)
 {

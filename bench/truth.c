@@ -11,6 +11,10 @@
 
 enum { ROWS_A_BLOCK = 4 };
 
+// Instead of an infinite 1 / direction: the next line comes later than any end, a line the ray runs on is
+// behind it.
+static const double NEVER = 1e300;
+
 struct truth_surface {
     const struct terrain *terrain;
     const struct terrain_extrema *extrema;
@@ -25,14 +29,13 @@ struct truth_surface {
     double min_q, max_q;
 };
 
-// ---- a ray, and what the walk asks of a datum
-// ----------------------------------------------------------------------
+// ---- a ray, and what the walk asks of a datum ---------------------------------------------------
 
 // Axes 0 and 1 are cells from the south-west sample (u east, v north), axis 2 is the height in quanta.
 struct ray {
     double origin[3], direction[3]; // at t: origin + t * direction
-    double inverse[2];              // 1 / direction
-    int step[2];                    // -1, 0 or 1
+    double inverse[2];              // 1 / direction; NEVER along the grid lines
+    bool backward[2];               // towards lower cells
     double across, across_inverse;  // u - v at t = 0, and 1 / its change
 };
 
@@ -48,13 +51,12 @@ struct datum {
 
 static inline double plane_line(const struct ray *ray, int axis, int64_t k)
 {
-    return ray->step[axis] ? ((double)k - ray->origin[axis]) * ray->inverse[axis] : HUGE_VAL;
+    return ((double)k - ray->origin[axis]) * ray->inverse[axis];
 }
 
 static inline double plane_diagonal(const struct ray *ray, int64_t k)
 {
-    return ((double)k - ray->across) *
-           ray->across_inverse; // NAN or infinite along the diagonal: never inside
+    return ((double)k - ray->across) * ray->across_inverse;
 }
 
 static inline double plane_place(const struct ray *ray, int axis, double t)
@@ -69,8 +71,7 @@ static inline double plane_lowest(const struct ray *ray, double t0, double t1)
 
 static const struct datum plane = {plane_line, plane_diagonal, plane_place, plane_lowest};
 
-// ---- one cell
-// ------------------------------------------------------------------------------------------------------
+// ---- one cell -----------------------------------------------------------------------------------
 
 struct cell {
     int64_t at[2];
@@ -129,8 +130,7 @@ static inline double cell_height(const struct cell *cell, double u, double v)
     return triangle_height(cell, u - (double)cell->at[0] >= v - (double)cell->at[1], u, v);
 }
 
-// ---- the walk
-// ------------------------------------------------------------------------------------------------------
+// ---- the walk -----------------------------------------------------------------------------------
 
 struct hit {
     double t;
@@ -201,14 +201,47 @@ static inline bool cell_hit(const struct datum *datum, const struct truth_surfac
     return true;
 }
 
-// The child of a node that the ray is in at time t, on one axis.
-static inline int64_t child_at(const struct datum *datum, const struct ray *ray, int axis, int64_t node,
-                               int height, double t, int64_t count)
+// A node of the extrema pyramid that the ray is in, and when it leaves it over the far line of each axis.
+struct node {
+    int64_t at[2];
+    double leave[2];
+};
+
+// Down into the child that the ray is in at time t.  A ray along the map's far border is in the last one.
+static inline void descend(const struct datum *datum, const struct ray *ray, struct node *node, int height,
+                           double t, const struct terrain_extrema_nodes *children)
 {
-    int64_t middle = (2 * node + 1) << height;
-    bool beyond = ray->step[axis] ? datum->line(ray, axis, middle) <= t : ray->origin[axis] >= (double)middle;
-    int64_t child = 2 * node + (ray->step[axis] >= 0 ? beyond : !beyond);
-    return child < count ? child : count - 1;
+    const int64_t count[2] = {children->width, children->height};
+    for (int k = 0; k < 2; k++) {
+        double middle = datum->line(ray, k, (2 * node->at[k] + 1) << height);
+        bool beyond = middle <= t;
+        node->at[k] = 2 * node->at[k] + (beyond != ray->backward[k]);
+        if (!beyond) node->leave[k] = middle;
+        if (node->at[k] >= count[k]) node->at[k] = count[k] - 1;
+    }
+}
+
+static inline int64_t far_line(const struct ray *ray, const struct node *node, int axis, int height)
+{
+    return (node->at[axis] + !ray->backward[axis]) << height;
+}
+
+// On to the next node along an axis; true when that one has another parent.
+static inline bool advance(const struct datum *datum, const struct ray *ray, struct node *node, int axis,
+                           int height)
+{
+    int64_t before = node->at[axis];
+    node->at[axis] += ray->backward[axis] ? -1 : 1;
+    node->leave[axis] = datum->line(ray, axis, far_line(ray, node, axis, height));
+    return (before ^ node->at[axis]) >> 1;
+}
+
+static inline void ascend(const struct datum *datum, const struct ray *ray, struct node *node, int height)
+{
+    for (int k = 0; k < 2; k++) {
+        node->at[k] >>= 1;
+        node->leave[k] = datum->line(ray, k, far_line(ray, node, k, height));
+    }
 }
 
 // Walks t0..t1 over the nodes of the extrema pyramid: down where the ray may touch what a node holds, on to
@@ -220,37 +253,38 @@ static inline __attribute__((always_inline)) bool walk(const struct datum *datum
 {
     const struct terrain_extrema *extrema = surface->extrema;
     int height = extrema->heights - 1;
-    int64_t node[2] = {0, 0};
+    struct node node = {{0, 0}, {0, 0}};
+    ascend(datum, ray, &node, height); // from below the root
     struct place at = {t0, -1, 0};
     for (;;) {
         const struct terrain_extrema_nodes *nodes = &extrema->nodes[height];
-        int64_t line[2] = {(node[0] + (ray->step[0] > 0)) << height, (node[1] + (ray->step[1] > 0))
-                                                                         << height};
-        double t[2] = {datum->line(ray, 0, line[0]), datum->line(ray, 1, line[1])};
-        int axis = t[1] < t[0];
-        struct place next = {t[axis] > at.t ? t[axis] : at.t, axis, line[axis]};
-        if (!(next.t < t1)) next = (struct place){t1, -1, 0};
-        if (datum->lowest(ray, at.t, next.t) <= nodes->max_q[node[1] * nodes->width + node[0]]) {
-            if (height == 0 && cell_hit(datum, surface, ray, node, &at, &next, hit)) return true;
+        if ((uint64_t)node.at[0] >= (uint64_t)nodes->width || (uint64_t)node.at[1] >= (uint64_t)nodes->height)
+            return false;
+        int axis = node.leave[1] < node.leave[0];
+        double leave = axis ? node.leave[1] : node.leave[0];
+        bool last = !(leave < t1);
+        leave = last ? t1 : leave > at.t ? leave : at.t;
+        if (datum->lowest(ray, at.t, leave) <= nodes->max_q[node.at[1] * nodes->width + node.at[0]]) {
             if (height > 0) {
-                height--;
-                for (int k = 0; k < 2; k++)
-                    node[k] = child_at(datum, ray, k, node[k], height, at.t,
-                                       k ? nodes[-1].height : nodes[-1].width);
+                descend(datum, ray, &node, --height, at.t, nodes - 1);
                 continue;
             }
+            struct place to = {leave, last ? -1 : axis, far_line(ray, &node, axis, 0)};
+            if (cell_hit(datum, surface, ray, node.at, &at, &to, hit)) return true;
         }
-        if (next.axis < 0) return false;
-        int64_t before = node[axis], count = axis ? nodes->height : nodes->width;
-        node[axis] += ray->step[axis];
-        if (node[axis] < 0 || node[axis] >= count) return false;
-        at = next;
-        if (before >> 1 != node[axis] >> 1) height++, node[0] >>= 1, node[1] >>= 1;
+        if (last) return false;
+        at = (struct place){leave, axis, far_line(ray, &node, axis, height)};
+        if (axis ? advance(datum, ray, &node, 1, height) : advance(datum, ray, &node, 0, height))
+            ascend(datum, ray, &node, ++height);
     }
 }
 
-// ---- one ray on the plane
-// ------------------------------------------------------------------------------------------
+// ---- one ray on the plane -----------------------------------------------------------------------
+
+static double inverse_of(double direction)
+{
+    return fabs(direction) > 1 / NEVER ? 1 / direction : NEVER;
+}
 
 static struct ray make_ray(const double origin[3], const double direction[3])
 {
@@ -258,18 +292,19 @@ static struct ray make_ray(const double origin[3], const double direction[3])
     memcpy(ray.origin, origin, sizeof ray.origin);
     memcpy(ray.direction, direction, sizeof ray.direction);
     for (int k = 0; k < 2; k++) {
-        ray.inverse[k] = 1 / direction[k];
-        if (isfinite(ray.inverse[k])) ray.step[k] = direction[k] < 0 ? -1 : 1;
+        ray.inverse[k] = inverse_of(direction[k]);
+        if (ray.inverse[k] >= NEVER && origin[k] > 0) ray.inverse[k] = -NEVER; // along the far border: inside
+        ray.backward[k] = ray.inverse[k] < 0;
     }
-    ray.across_inverse = 1 / (direction[0] - direction[1]);
+    ray.across_inverse = inverse_of(direction[0] - direction[1]);
     return ray;
 }
 
 // Narrows t0..t1 to where low <= origin + t * direction <= high; false when nothing is left.
 static bool narrow(double origin, double direction, double low, double high, double *t0, double *t1)
 {
-    double inverse = 1 / direction;
-    if (!isfinite(inverse)) return origin >= low && origin <= high;
+    double inverse = inverse_of(direction);
+    if (inverse >= NEVER) return origin >= low && origin <= high;
     double enter = ((direction < 0 ? high : low) - origin) * inverse;
     double leave = ((direction < 0 ? low : high) - origin) * inverse;
     if (enter > *t0) *t0 = enter;
@@ -308,8 +343,7 @@ static bool cast(const struct truth_surface *surface, const double origin[3], co
     return walk(&plane, surface, &ray, t0, t1, hit);
 }
 
-// ---- the surface
-// ---------------------------------------------------------------------------------------------------
+// ---- the surface --------------------------------------------------------------------------------
 
 // A place of the outline in cells.  Where it is a grid line up to rounding it is that line.
 static double clip_cells(double place_m, double spacing_m, int64_t first, int64_t cells)
@@ -374,8 +408,7 @@ void truth_surface_destroy(struct truth_surface *surface)
     free(surface);
 }
 
-// ---- a picture
-// -----------------------------------------------------------------------------------------------------
+// ---- a picture ----------------------------------------------------------------------------------
 
 bool truth_init(struct truth *truth, int width, int height)
 {
