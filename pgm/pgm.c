@@ -31,7 +31,7 @@ enum knob {
 
 static const struct renderer_knob knobs[] = {
     {"rows", "rows of the grid: triangles for error", 300, 1, PGM_ROWS_MAX, NULL},
-    {"aspect", "columns of the grid for each row", 4, 0.05, 16, NULL},
+    {"aspect", "columns of the grid for each row: the published grids have 1 to 4", 0.75, 0.05, 16, NULL},
     {"law",
      "how rows are spread: even on the sampling camera's screen, half of them even in log distance, or all",
      PGM_LAW_HALF_LOG, 0, 2, "uniform|half-log|log"},
@@ -46,9 +46,9 @@ static const struct renderer_knob knobs[] = {
     {"plane", "sampling plane: through the lowest terrain, or through the ground at the eye",
      PGM_PLANE_LOWEST, 0, 1, "lowest|ground"},
     {"lod", "level and its parent's weight: Equations 6 and 7 as printed, or put right, rounding up or down",
-     PGM_LOD_CEIL, 0, 2, "published|ceil|floor"},
-    {"spread", "the sampling distance: of the far neighbour, the mean, or the near one", PGM_SPREAD_FAR, 0, 2,
-     "far|mean|near"},
+     PGM_LOD_FLOOR, 0, 2, "published|ceil|floor"},
+    {"spread", "the sampling distance: to the far neighbour as published, the mean, or to the near one",
+     PGM_SPREAD_NEAR, 0, 2, "far|mean|near"},
     {"bias", "levels added to the level of detail: blur for aliasing", 0, -8, 8, NULL},
     {"filter", "how a level is read between samples", 2, 0, 2, "nearest|bilinear|triangle"},
     {"cull", "leave out tiles of the grid outside the view", 0, 0, 1, "off|on"},
@@ -421,6 +421,9 @@ static void pgm_draw(struct renderer *renderer, int view_index, enum render_pass
     glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
     glBindTexture(GL_TEXTURE_2D, pgm->atlas.texture);
     glBindVertexArray(pgm->vertex_array);
+    // The far sides of hills.  A fold of the grid in the picture covers its pixels with one face more that
+    // looks here than away, so nothing is uncovered.
+    glEnable(GL_CULL_FACE);
     if (selection->draws == 1)
         gpu_draw_elements(pgm->desc.gpu, GL_TRIANGLES, (size_t)selection->counts[0], GL_UNSIGNED_INT,
                           selection->firsts[0], 0, selection->triangles);

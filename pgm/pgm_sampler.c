@@ -4,7 +4,7 @@
 #include <math.h>
 
 static const double half_pi = 1.57079632679489661923;
-static const double infinitesimal = 1e-9; // sine of a ray to the sky, which only the published camera sends
+static const double infinitesimal = 1e-9; // sine of a ray to the sky; only the published camera sends one
 
 static double clamp(double value, double low, double high)
 {
@@ -203,6 +203,9 @@ static void set_ends(struct pgm_sampler *sampler, const struct view *view, const
     const double guard = 2e-4; // row 0 lies just beyond the last terrain
     double nearest, farthest;
     bool seen = wedge_range(wedge, &nearest, &farthest);
+    // The published camera, looking up: all its rays go to the sky.
+    sampler->empty = sampler->depression + atan(sampler->tan_half[1]) <= 0;
+    if (sampler->empty) return;
     if (settings->extension == PGM_EXTENSION_TIGHT) {
         farthest = fmin(farthest, sampler->reach_m);
         nearest = fmax(nearest, begins);
@@ -218,7 +221,9 @@ static void set_ends(struct pgm_sampler *sampler, const struct view *view, const
         if (settings->camera == PGM_CAMERA_STABLE) farthest = fmin(farthest, sampler->reach_m);
         nearest = sampled_near(sampler, view, world, settings->extension);
         if (settings->extension == PGM_EXTENSION_STABLE) nearest = fmin(nearest, behind);
-        sampler->empty = !(nearest < farthest);
+        bool to_sky =
+            sampler->depression + atan(sampler->tan_half[1]) <= 0; // every ray: the published camera
+        sampler->empty = to_sky || !(nearest < farthest);
         if (sampler->empty) return;
     }
     sampler->far_m = farthest + guard * fabs(farthest);
