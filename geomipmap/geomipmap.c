@@ -10,17 +10,20 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { KNOB_TAU, KNOB_PATCH, KNOB_METRIC, KNOB_DELTA, KNOB_CULL, KNOB_CACHE };
+enum { KNOB_TAU, KNOB_PATCH, KNOB_MERGE, KNOB_METRIC, KNOB_DELTA, KNOB_CULL, KNOB_FACES, KNOB_CACHE };
 
 static const struct renderer_knob knobs[] = {
     {"tau", "screen-space error allowed, px: more is faster", 1, 0, 1e6, NULL},
-    {"patch", "samples on a side of a tile: large tiles cost fewer draws and more triangles", 1, 0, 2,
+    {"patch", "samples on a side of a tile: large tiles cost fewer draws and more triangles", 0, 0, 2,
      "17|33|65"},
+    {"merge", "how often 2 x 2 distant tiles may merge into one of twice the size, at most up to 129 samples",
+     3, 0, 3, NULL},
     {"metric", "how error is projected: by distance, by depth, or so that it holds anywhere in the window",
      GEOMIPMAP_SAFE, 0, 2, "paper|depth|safe"},
     {"delta", "error of a tile: as published, or with the borders that finer neighbours ask for",
      GEOMIPMAP_STABLE, 0, 1, "published|stable"},
     {"cull", "draw only tiles that the frustum meets", 1, 0, 1, "off|on"},
+    {"faces", "triangles drawn: those that face the eye, or both sides", 0, 0, 1, "front|both"},
     {"cache", "most tiles in the vertex buffer; 0: as many as a frame needs", 0, 0, 1e6, NULL},
     {NULL, NULL, 0, 0, 0, NULL},
 };
@@ -30,12 +33,14 @@ static const double full_tau[] = {16, 8, 4, 2, 1, 0.5, 0.25, 0.125, NAN};
 
 enum { FIRST_ROOM = 64, PLACES_UNIT = 0 };
 
-struct place { // one texel of the places buffer
-    int32_t cell[2], base, unused;
+struct texel { // of the places buffer, one a slot
+    int32_t cell[2], base, height;
 };
 
 struct geomipmap_view { // what was selected for one view
     struct geomipmap_selection selection;
+    int drawn;       // picks drawn: those seen, or all
+    int room;        // draws in the lists below
     GLsizei *counts; // one draw a tile
     size_t *first;
     GLint *base_vertex;
@@ -59,7 +64,8 @@ struct geomipmap {
     struct geomipmap_cache_counts counts_before; // of the cache, when the frame began
     struct geomipmap_view views[RENDERER_MAX_VIEWS];
     int view_count;
-    bool streamed; // the frame needs more tiles than the cache may hold: draw() uploads in batches
+    bool front_only; // faces
+    bool streamed;   // the frame needs more tiles than the cache may hold: draw() uploads in batches
 
     struct geomipmap_program programs[PASS_COUNT];
     GLuint vertex_array, indices, vertices, places, places_texture;
@@ -93,8 +99,8 @@ static void resize_slots(struct geomipmap *g, int room)
 {
     size_t slot_bytes = (size_t)g->tile_vertices * g->vertex_bytes;
     g->vertices = resized_buffer(g, g->vertices, (size_t)g->room * slot_bytes, (size_t)room * slot_bytes);
-    g->places = resized_buffer(g, g->places, (size_t)g->room * sizeof(struct place),
-                               (size_t)room * sizeof(struct place));
+    g->places = resized_buffer(g, g->places, (size_t)g->room * sizeof(struct texel),
+                               (size_t)room * sizeof(struct texel));
     g->room = room;
     glBindVertexArray(g->vertex_array);
     glBindBuffer(GL_ARRAY_BUFFER, g->vertices);
@@ -109,7 +115,7 @@ static void resize_slots(struct geomipmap *g, int room)
 static void copy_slot(struct geomipmap *g, int from, int to)
 {
     const GLuint buffers[2] = {g->vertices, g->places};
-    const size_t bytes[2] = {(size_t)g->tile_vertices * g->vertex_bytes, sizeof(struct place)};
+    const size_t bytes[2] = {(size_t)g->tile_vertices * g->vertex_bytes, sizeof(struct texel)};
     for (int i = 0; i < 2; i++) {
         glBindBuffer(GL_COPY_READ_BUFFER, buffers[i]);
         glBindBuffer(GL_COPY_WRITE_BUFFER, buffers[i]);
@@ -118,23 +124,23 @@ static void copy_slot(struct geomipmap *g, int from, int to)
     }
 }
 
-static void upload_tile(struct geomipmap *g, int tile, int slot)
+static void upload_tile(struct geomipmap *g, struct geomipmap_place place, int slot)
 {
     const struct geomipmap_tiles *tiles = &g->tiles;
-    int cells = 1 << tiles->bits;
-    struct place place = {.cell = {tile % tiles->tiles.columns * cells, tile / tiles->tiles.columns * cells}};
+    int size = 1 << (tiles->bits + place.height);
+    struct texel texel = {.cell = {place.column * size, place.row * size}, .height = place.height};
     size_t bytes = (size_t)g->tile_vertices * g->vertex_bytes;
     const void *data = g->heights;
-    geomipmap_tiles_read(tiles, tile, g->heights);
+    geomipmap_tiles_read(tiles, place, g->heights);
     if (!tiles->wide) {
-        place.base = tiles->tiles.range[tile].low;
-        for (int i = 0; i < g->tile_vertices; i++) g->heights_16[i] = (uint16_t)(g->heights[i] - place.base);
+        texel.base = geomipmap_tiles_range(tiles, place).low;
+        for (int i = 0; i < g->tile_vertices; i++) g->heights_16[i] = (uint16_t)(g->heights[i] - texel.base);
         data = g->heights_16;
     }
     glBindBuffer(GL_COPY_WRITE_BUFFER, g->vertices);
     gpu_buffer_sub_data(g->gpu, GL_COPY_WRITE_BUFFER, (size_t)slot * bytes, bytes, data);
     glBindBuffer(GL_COPY_WRITE_BUFFER, g->places);
-    gpu_buffer_sub_data(g->gpu, GL_COPY_WRITE_BUFFER, (size_t)slot * sizeof place, sizeof place, &place);
+    gpu_buffer_sub_data(g->gpu, GL_COPY_WRITE_BUFFER, (size_t)slot * sizeof texel, sizeof texel, &texel);
 }
 
 // Makes sure that picks from `start` are in the buffer and writes their draws to the front of the view's
@@ -142,14 +148,15 @@ static void upload_tile(struct geomipmap *g, int tile, int slot)
 static int gather(struct geomipmap *g, struct geomipmap_view *view, int start)
 {
     int done = 0;
-    for (; start + done < view->selection.count; done++) {
+    for (; start + done < view->drawn; done++) {
         const struct geomipmap_pick *pick = &view->selection.picks[start + done];
         const struct geomipmap_set *set = &g->mesh.sets[pick->set];
         int slot;
-        enum geomipmap_found found = geomipmap_cache_find(&g->cache, pick->tile, &slot);
+        enum geomipmap_found found =
+            geomipmap_cache_find(&g->cache, geomipmap_tiles_number(&g->tiles, pick->place), &slot);
         if (found == GEOMIPMAP_FULL) break;
         if (slot >= g->room) resize_slots(g, 2 * g->room);
-        if (found == GEOMIPMAP_MISS) upload_tile(g, pick->tile, slot);
+        if (found == GEOMIPMAP_MISS) upload_tile(g, pick->place, slot);
         view->counts[done] = set->count;
         view->first[done] = set->first;
         view->base_vertex[done] = slot * g->tile_vertices;
@@ -179,7 +186,21 @@ static GLint to_cell(int64_t cell)
     return (GLint)(cell < -limit ? -limit : cell > limit ? limit : cell);
 }
 
-static void select_view(struct geomipmap *g, struct geomipmap_view *own, const struct view *view)
+static bool reserve_draws(struct geomipmap_view *view, int room)
+{
+    if (view->room >= room) return true;
+    GLsizei *counts = realloc(view->counts, (size_t)room * sizeof *counts);
+    if (counts) view->counts = counts;
+    size_t *first = realloc(view->first, (size_t)room * sizeof *first);
+    if (first) view->first = first;
+    GLint *base_vertex = realloc(view->base_vertex, (size_t)room * sizeof *base_vertex);
+    if (base_vertex) view->base_vertex = base_vertex;
+    if (!counts || !first || !base_vertex) return fail("geomipmap: no memory for a list of %d draws", room);
+    view->room = room;
+    return true;
+}
+
+static bool select_view(struct geomipmap *g, struct geomipmap_view *own, const struct view *view)
 {
     struct view_origin eye = view_level_origin(view, g->tiles.finest);
     const int64_t first[2] = {g->tiles.x0, g->tiles.y0};
@@ -187,10 +208,13 @@ static void select_view(struct geomipmap *g, struct geomipmap_view *own, const s
         own->eye_cell[axis] = to_cell(eye.base[axis] - first[axis]);
         own->eye_fraction[axis] = eye.fraction[axis];
     }
-    geomipmap_select(&own->selection, &g->tiles, &g->choice, view);
+    struct geomipmap_selection *selection = &own->selection;
+    if (!geomipmap_select(selection, &g->tiles, &g->choice, view)) return false;
+    own->drawn = g->choice.cull ? selection->seen : selection->count;
     own->triangles = 0;
-    for (int i = 0; i < own->selection.count; i++)
-        own->triangles += (uint64_t)g->mesh.sets[own->selection.picks[i].set].count / 3;
+    for (int i = 0; i < own->drawn; i++)
+        own->triangles += (uint64_t)g->mesh.sets[selection->picks[i].set].count / 3;
+    return reserve_draws(own, selection->room);
 }
 
 static bool update(struct renderer *renderer, const struct view *views, int count)
@@ -199,8 +223,8 @@ static bool update(struct renderer *renderer, const struct view *views, int coun
     g->view_count = count;
     for (int i = 0; i < count; i++) {
         struct geomipmap_view *view = &g->views[i];
-        select_view(g, view, &views[i]);
-        if (!g->streamed) g->streamed = gather(g, view, 0) < view->selection.count;
+        if (!select_view(g, view, &views[i])) return false;
+        if (!g->streamed) g->streamed = gather(g, view, 0) < view->drawn;
     }
     if (g->streamed && g->cache.slot_count == 0) return fail("geomipmap: no memory for a single tile");
     return true;
@@ -232,29 +256,28 @@ static void draw(struct renderer *renderer, int view_index, enum render_pass pas
 {
     struct geomipmap *g = (struct geomipmap *)renderer;
     struct geomipmap_view *view = &g->views[view_index];
+    if (g->front_only) glEnable(GL_CULL_FACE); // seen from below, ground is no ground
     bind(g, view, pass);
-    if (!g->streamed) {
-        draw_gathered(g, view, view->selection.count);
-        return;
-    }
-    for (int start = 0, draws; start < view->selection.count; start += draws) {
+    if (!g->streamed) draw_gathered(g, view, view->drawn);
+    for (int start = 0, draws; g->streamed && start < view->drawn; start += draws) {
         geomipmap_cache_begin_batch(&g->cache);
         draws = gather(g, view, start);
         bind(g, view, pass); // the buffers may have moved
         draw_gathered(g, view, draws);
     }
+    glDisable(GL_CULL_FACE);
 }
 
 static void stats(const struct renderer *renderer, struct renderer_stats *stats)
 {
     const struct geomipmap *g = (const struct geomipmap *)renderer;
     const struct geomipmap_cache_counts *now = &g->cache.counts, *before = &g->counts_before;
-    size_t slot_bytes = (size_t)g->tile_vertices * g->vertex_bytes + sizeof(struct place);
+    size_t slot_bytes = (size_t)g->tile_vertices * g->vertex_bytes + sizeof(struct texel);
     *stats = (struct renderer_stats){
         .triangles = g->view_count > 0 ? g->views[0].triangles : 0,
         .claimed_error_px = g->choice.tau_px,
         .resident_bytes = (uint64_t)g->room * slot_bytes + g->mesh.index_count * sizeof *g->mesh.indices,
-        .counters = {{"tiles", g->view_count > 0 ? g->views[0].selection.count : 0},
+        .counters = {{"tiles", g->view_count > 0 ? g->views[0].drawn : 0},
                      {"hits", (double)(now->hits - before->hits)},
                      {"misses", (double)(now->misses - before->misses)},
                      {"evictions", (double)(now->evictions - before->evictions)},
@@ -285,18 +308,10 @@ static bool build_programs(struct geomipmap *g, const struct scene_effects *effe
     return true;
 }
 
-static bool allocate_views(struct geomipmap *g)
+static bool allocate(struct geomipmap *g)
 {
-    size_t count = (size_t)g->tiles.tiles.columns * g->tiles.tiles.rows;
-    for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {
-        struct geomipmap_view *view = &g->views[i];
-        if (!geomipmap_selection_init(&view->selection, &g->tiles)) return false;
-        view->counts = malloc(count * sizeof *view->counts);
-        view->first = malloc(count * sizeof *view->first);
-        view->base_vertex = malloc(count * sizeof *view->base_vertex);
-        if (!view->counts || !view->first || !view->base_vertex)
-            return fail("geomipmap: no memory for a list of %zu draws", count);
-    }
+    for (int i = 0; i < RENDERER_MAX_VIEWS; i++)
+        if (!geomipmap_selection_init(&g->views[i].selection, &g->tiles)) return false;
     g->heights = malloc((size_t)g->tile_vertices * sizeof *g->heights);
     g->heights_16 = malloc((size_t)g->tile_vertices * sizeof *g->heights_16);
     return (g->heights && g->heights_16) || fail("geomipmap: no memory for the heights of a tile");
@@ -355,15 +370,16 @@ static bool init(struct geomipmap *g, const struct renderer_desc *desc)
     g->choice = (struct geomipmap_choice){.metric = (enum geomipmap_metric)desc->knobs[KNOB_METRIC],
                                           .tau_px = desc->knobs[KNOB_TAU],
                                           .cull = desc->knobs[KNOB_CULL] != 0};
+    g->front_only = desc->knobs[KNOB_FACES] == 0;
+    int merge = (int)desc->knobs[KNOB_MERGE], most = GEOMIPMAP_MAX_EXTENT - bits;
     if (!geomipmap_mesh_init(&g->mesh, bits) ||
-        !geomipmap_tiles_init(&g->tiles, desc->terrain, bits, (enum geomipmap_delta)desc->knobs[KNOB_DELTA],
-                              0))
+        !geomipmap_tiles_init(&g->tiles, desc->terrain, bits, merge < most ? merge : most,
+                              (enum geomipmap_delta)desc->knobs[KNOB_DELTA], 0))
         return false;
     g->tile_vertices = ((1 << bits) + 1) * ((1 << bits) + 1);
     g->vertex_bytes = g->tiles.wide ? sizeof(int32_t) : sizeof(uint16_t);
-    if (!geomipmap_cache_init(&g->cache, g->tiles.tiles.columns * g->tiles.tiles.rows,
-                              most_slots(g, desc->knobs[KNOB_CACHE])) ||
-        !allocate_views(g) || !build_programs(g, desc->effects))
+    if (!geomipmap_cache_init(&g->cache, g->tiles.drawable, most_slots(g, desc->knobs[KNOB_CACHE])) ||
+        !allocate(g) || !build_programs(g, desc->effects))
         return false;
     create_buffers(g);
     return true;

@@ -59,7 +59,7 @@ static size_t subtract(uint64_t *keys, size_t count, const uint64_t *others, siz
 struct builder {
     struct geomipmap_plan *plan;
     size_t capacity;
-    int row; // vertices in a row
+    int row; // samples of the finest level in a row
     bool failed;
 };
 
@@ -148,10 +148,14 @@ struct keys { // what some configurations of a level draw
     size_t triangle_count, edge_count;
 };
 
-static void add_configuration(struct keys *keys, int bits, int level, const int neighbours[GEOMIPMAP_SIDES],
-                              uint16_t *scratch)
+static void add_configuration(struct keys *keys, const struct geomipmap_plan *plan, int level,
+                              const int neighbours[GEOMIPMAP_SIDES], uint16_t *scratch)
 {
-    int count = geomipmap_mesh_write(bits, level, neighbours, scratch);
+    int count = geomipmap_mesh_write(plan->bits, level, neighbours, scratch);
+    int vertices = (1 << plan->bits) + 1, samples = (1 << (plan->bits + plan->height)) + 1;
+    for (int i = 0; i < count; i++) // from the tile's vertices to samples of the finest level
+        scratch[i] = (uint16_t)((scratch[i] / vertices << plan->height) * samples +
+                                (scratch[i] % vertices << plan->height));
     for (int i = 0; i < count; i += 3) {
         const uint16_t *v = scratch + i;
         keys->triangles[keys->triangle_count++] = pack_triangle(v);
@@ -165,25 +169,26 @@ static void add_configuration(struct keys *keys, int bits, int level, const int 
 // east) and (west, north) therefore draw every triangle that any combination draws.
 static void plan_level(struct builder *b, int level, struct keys *plain, struct keys *all, uint16_t *scratch)
 {
-    int bits = b->plan->bits, same[GEOMIPMAP_SIDES] = {level, level, level, level};
+    int same[GEOMIPMAP_SIDES] = {level, level, level, level};
+    bool exact = level == 0 && b->plan->height == 0;
     plain->triangle_count = plain->edge_count = all->triangle_count = all->edge_count = 0;
-    add_configuration(plain, bits, level, same, scratch);
+    add_configuration(plain, b->plan, level, same, scratch);
     for (int i = 0; i <= level; i++)
-        for (int j = 0; j <= level; j++) add_configuration(all, bits, level, (int[4]){i, j, j, i}, scratch);
+        for (int j = 0; j <= level; j++)
+            add_configuration(all, b->plan, level, (int[4]){i, j, j, i}, scratch);
     all->triangle_count =
         subtract(all->triangles, all->triangle_count, plain->triangles, plain->triangle_count);
     all->edge_count = subtract(all->edges, all->edge_count, plain->edges, plain->edge_count);
     b->plan->plain[level] = b->plan->count;
-    if (level > 0)
-        probe_triangles(b, plain->triangles, plain->triangle_count, plain->edges, plain->edge_count);
+    if (!exact) probe_triangles(b, plain->triangles, plain->triangle_count, plain->edges, plain->edge_count);
     b->plan->border[level] = b->plan->count;
-    if (level > 0) probe_triangles(b, all->triangles, all->triangle_count, all->edges, all->edge_count);
+    if (!exact) probe_triangles(b, all->triangles, all->triangle_count, all->edges, all->edge_count);
 }
 
-bool geomipmap_plan_init(struct geomipmap_plan *plan, int bits)
+bool geomipmap_plan_init(struct geomipmap_plan *plan, int bits, int height)
 {
-    *plan = (struct geomipmap_plan){.bits = bits};
-    struct builder b = {.plan = plan, .row = (1 << bits) + 1};
+    *plan = (struct geomipmap_plan){.bits = bits, .height = height};
+    struct builder b = {.plan = plan, .row = (1 << (bits + height)) + 1};
     size_t bound = geomipmap_mesh_bound(bits); // indices of one configuration
     // Besides one whole configuration, unique triangles are those of the border strips: fewer than a
     // configuration for each of the levels squared, and that many again while one is being added.
@@ -244,7 +249,8 @@ void geomipmap_plan_measure(const struct geomipmap_plan *plan, enum geomipmap_de
         size_t end = delta == GEOMIPMAP_STABLE ? next : plan->border[level];
         measure_probes(plan->probes + plan->plain[level], plan->probes + end, heights, largest);
         for (int lane = 0; lane < GEOMIPMAP_LANES; lane++)
-            error[lane][level] = level == 0 ? 0.0f : round_up(largest[lane] + range[lane] * ROUNDING);
+            error[lane][level] =
+                plan->plain[level] == end ? 0.0f : round_up(largest[lane] + range[lane] * ROUNDING);
     }
 }
 

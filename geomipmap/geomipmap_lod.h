@@ -1,6 +1,9 @@
 // How wrong a tile is at each level, and how wrong it may be (Brodersen 2005, section 4; numerics.md, G2 and
 // C1-C3).  No GL.
 //
+// A tile draws every 2^height-th sample of the finest level at its level 0 (height 0: every one), every
+// 2^(height + l)-th at level l.
+//
 // The error of a level is the largest vertical distance between the triangles it draws and the finest
 // surface, anywhere in the tile.
 //   published: delta_l, over the vertices of the finest level under the level's own triangles.
@@ -29,22 +32,26 @@ struct geomipmap_probe {
 };
 
 struct geomipmap_plan {
-    int bits;
+    int bits;   // the tile has 2^bits cells a side
+    int height; // each of them 2^height cells of the finest level wide
     struct geomipmap_probe *probes;
     size_t plain[GEOMIPMAP_MAX_LEVELS];  // first probe of a level's own triangles
     size_t border[GEOMIPMAP_MAX_LEVELS]; // first probe that only a finer neighbour brings
     size_t count;                        // of all probes; a level ends where the next begins
 };
 
-bool geomipmap_plan_init(struct geomipmap_plan *plan, int bits); // false after one line on stderr
-void geomipmap_plan_finish(struct geomipmap_plan *plan);         // accepts a zeroed plan
+// Lists the probes of tiles of 2^bits cells, drawn from every 2^height-th sample.  bits + height is at most
+// GEOMIPMAP_MAX_EXTENT.  False after one line on stderr.
+enum { GEOMIPMAP_MAX_EXTENT = 7 };
+bool geomipmap_plan_init(struct geomipmap_plan *plan, int bits, int height);
+void geomipmap_plan_finish(struct geomipmap_plan *plan); // accepts a zeroed plan
 
-// Tiles are measured this many at a time; their heights stand side by side, heights[vertex * LANES + lane],
-// in quanta above each tile's lowest vertex.
+// Tiles are measured this many at a time; their heights stand side by side, heights[sample * LANES + lane],
+// in quanta above each tile's lowest sample: all (2^(bits + height) + 1)^2 samples of the finest level.
 enum { GEOMIPMAP_LANES = 8 };
 
 // Error of each lane's tile at each level, in quanta, rounded up; exactly 0 where the surfaces are the same
-// because the tile is flat, and at level 0.  range[lane]: height of the tile's highest vertex.
+// because the tile is flat or draws every sample.  range[lane]: height of the tile's highest sample.
 void geomipmap_plan_measure(const struct geomipmap_plan *plan, enum geomipmap_delta delta,
                             const double *heights, const double range[GEOMIPMAP_LANES],
                             float error[GEOMIPMAP_LANES][GEOMIPMAP_MAX_LEVELS]);

@@ -7,24 +7,35 @@
 #include <stdlib.h>
 #include <string.h>
 
+enum { NONE = -1, FIRST_ROOM = 1024 };
+
+static bool reserve(struct geomipmap_selection *selection, int room)
+{
+    struct geomipmap_pick *picks = realloc(selection->picks, (size_t)room * sizeof *picks);
+    if (picks) selection->picks = picks;
+    struct geomipmap_pick *list = realloc(selection->list, (size_t)room * sizeof *list);
+    if (list) selection->list = list;
+    if (!picks || !list) return fail("geomipmap: no memory to select %d tiles", room);
+    selection->room = room;
+    return true;
+}
+
 bool geomipmap_selection_init(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles)
 {
-    int count = tiles->tiles.columns * tiles->tiles.rows;
-    *selection = (struct geomipmap_selection){.tile_count = count};
-    selection->picks = malloc((size_t)count * sizeof *selection->picks);
-    selection->level = malloc((size_t)count);
-    if (!selection->picks || !selection->level) {
-        geomipmap_selection_finish(selection);
-        return fail("geomipmap: no memory to select from %d tiles", count);
-    }
-    memset(selection->level, GEOMIPMAP_NOT_DRAWN, (size_t)count);
-    return true;
+    size_t count = (size_t)tiles->grid[0].columns * (size_t)tiles->grid[0].rows;
+    *selection = (struct geomipmap_selection){.cover = malloc(count * sizeof *selection->cover)};
+    if (!selection->cover) return fail("geomipmap: no memory to select from %zu tiles", count);
+    memset(selection->cover, GEOMIPMAP_NOTHING, count * sizeof *selection->cover);
+    if (reserve(selection, FIRST_ROOM)) return true;
+    geomipmap_selection_finish(selection);
+    return false;
 }
 
 void geomipmap_selection_finish(struct geomipmap_selection *selection)
 {
     free(selection->picks);
-    free(selection->level);
+    free(selection->list);
+    free(selection->cover);
     *selection = (struct geomipmap_selection){0};
 }
 
@@ -32,37 +43,45 @@ struct scan { // of one view
     struct geomipmap_selection *selection;
     const struct geomipmap_tiles *tiles;
     const struct view *view;
-    bool cull;
     struct frustum frustum;
     struct geomipmap_judge judge;
-    double corner_m[2]; // south-west corner of tile (0, 0), relative to the eye
-    double tile_m[2];   // size of a tile
-    double eye_tile[2]; // the eye, in tiles
+    bool cull;
+    double corner_m[2]; // south-west corner of the map, relative to the eye
+    double tile_m[2];   // size of a tile of height 0
+    double eye_tile[2]; // the eye, in tiles of height 0
+    int last;           // pick after which the next one goes
+    bool failed;
 };
+
+// ---- levels
+// ---------------------------------------------------------------------------------------------------------
 
 struct box { // relative to the eye, metres
     double low[3], high[3];
 };
 
-// `columns` x `rows` tiles from (column, row).
-static struct box scan_box(const struct scan *scan, int column, int row, int columns, int rows,
-                           struct geomipmap_range range)
+static struct box tile_box(const struct scan *scan, struct geomipmap_place place)
 {
     const struct geomipmap_tiles *tiles = scan->tiles;
+    struct geomipmap_range range = geomipmap_tiles_range(tiles, place);
     double ground = tiles->offset_m - scan->view->eye_m[2];
-    return (struct box){
-        .low = {scan->corner_m[0] + column * scan->tile_m[0], scan->corner_m[1] + row * scan->tile_m[1],
-                ground + range.low * tiles->quantum_m},
-        .high = {scan->corner_m[0] + (column + columns) * scan->tile_m[0],
-                 scan->corner_m[1] + (row + rows) * scan->tile_m[1], ground + range.high * tiles->quantum_m},
-    };
+    const int cell[2] = {place.column, place.row};
+    struct box box = {.low = {0, 0, ground + range.low * tiles->quantum_m},
+                      .high = {0, 0, ground + range.high * tiles->quantum_m}};
+    for (int axis = 0; axis < 2; axis++) {
+        double size = scan->tile_m[axis] * (1 << place.height);
+        box.low[axis] = scan->corner_m[axis] + cell[axis] * size;
+        box.high[axis] = scan->corner_m[axis] + (cell[axis] + 1) * size;
+    }
+    return box;
 }
 
-static double box_depth(const struct box *box, const double forward[3])
+// Least (sign 1) or greatest (sign -1) depth of a box.
+static double box_depth(const struct box *box, const double forward[3], double sign)
 {
     double depth = 0;
     for (int axis = 0; axis < 3; axis++)
-        depth += forward[axis] * (forward[axis] > 0 ? box->low[axis] : box->high[axis]);
+        depth += forward[axis] * (forward[axis] * sign > 0 ? box->low[axis] : box->high[axis]);
     return depth;
 }
 
@@ -76,125 +95,256 @@ static double box_distance(const struct box *box)
     return sqrt(squares);
 }
 
-static int choose_level(const struct scan *scan, const struct box *box, bool whole, const float *error)
+static int level_at_depth(const struct scan *scan, const float *error, double depth, double distance)
 {
-    const struct geomipmap_judge *judge = &scan->judge;
-    int levels = scan->tiles->levels;
-    double unit = 1 / scan->tiles->quantum_m;
-    double depth = fmax(box_depth(box, scan->view->forward), scan->view->near_m);
-    double distance = judge->metric == GEOMIPMAP_PAPER ? box_distance(box) : 0;
-    int level = geomipmap_choose(error, levels, geomipmap_allowed(judge, depth, distance) * unit);
-    if (whole || level == levels - 1 || judge->metric == GEOMIPMAP_PAPER) return level;
-    // Only part of the box is seen, and that part may begin farther away (numerics.md, C2).
-    double rect[4], seen_depth;
-    if (!frustum_clip_box(scan->view, box->low, box->high, rect, &seen_depth)) return levels - 1;
-    return geomipmap_choose(error, levels,
-                            geomipmap_allowed(judge, fmax(depth, seen_depth), distance) * unit);
+    double allowed = geomipmap_allowed(&scan->judge, fmax(depth, scan->view->near_m), distance);
+    return geomipmap_choose(error, scan->tiles->levels, allowed / scan->tiles->quantum_m);
 }
 
-static void add_pick(struct scan *scan, int tile, int level)
+static int choose_level(const struct scan *scan, struct geomipmap_place place, const struct box *box,
+                        bool whole)
+{
+    const float *error = geomipmap_tiles_error(scan->tiles, place);
+    const double *forward = scan->view->forward;
+    if (scan->judge.metric == GEOMIPMAP_PAPER) return level_at_depth(scan, error, 0, box_distance(box));
+    double depth = box_depth(box, forward, 1), rect[4], seen_depth;
+    int level = level_at_depth(scan, error, depth, 0);
+    // Only part of the box is seen, and that part may begin farther away (numerics.md, C2).  Clipping is
+    // worth its time only where a greater depth could help.
+    if (whole || level == level_at_depth(scan, error, box_depth(box, forward, -1), 0)) return level;
+    if (!frustum_clip_box(scan->view, box->low, box->high, rect, &seen_depth)) return scan->tiles->levels - 1;
+    return level_at_depth(scan, error, fmax(depth, seen_depth), 0);
+}
+
+// ---- picks
+// ----------------------------------------------------------------------------------------------------------
+
+static void set_cover(struct scan *scan, struct geomipmap_place place, struct geomipmap_cover cover)
+{
+    const struct geomipmap_grid *grid = &scan->tiles->grid[0];
+    int size = 1 << place.height, column = place.column * size, row = place.row * size;
+    for (int j = row; j < row + size && j < grid->rows; j++)
+        for (int i = column; i < column + size && i < grid->columns; i++)
+            scan->selection->cover[(size_t)j * (size_t)grid->columns + (size_t)i] = cover;
+}
+
+static void add_pick(struct scan *scan, struct geomipmap_place place, int level, bool seen)
 {
     struct geomipmap_selection *selection = scan->selection;
-    selection->picks[selection->count++] = (struct geomipmap_pick){.tile = tile, .level = level};
-    selection->level[tile] = (uint8_t)level;
-}
-
-static void scan_tile(struct scan *scan, int column, int row, unsigned mask)
-{
-    const struct geomipmap_tiles *tiles = scan->tiles;
-    int tile = row * tiles->tiles.columns + column;
-    struct box box = scan_box(scan, column, row, 1, 1, tiles->tiles.range[tile]);
-    enum frustum_side side =
-        mask ? frustum_test_box(&scan->frustum, box.low, box.high, &mask) : FRUSTUM_INSIDE;
-    if (side != FRUSTUM_OUTSIDE)
-        add_pick(
-            scan, tile,
-            choose_level(scan, &box, side == FRUSTUM_INSIDE, tiles->error + (size_t)tile * tiles->levels));
-    else if (!scan->cull)
-        add_pick(scan, tile, tiles->levels - 1);
+    if (selection->listed == selection->room && !reserve(selection, 2 * selection->room)) {
+        scan->failed = true;
+        return;
+    }
+    int index = selection->listed++;
+    struct geomipmap_pick *pick = &selection->list[index];
+    *pick = (struct geomipmap_pick){.place = place, .level = level, .seen = seen, .next = NONE};
+    if (scan->last != NONE) {
+        pick->next = selection->list[scan->last].next;
+        selection->list[scan->last].next = index;
+    }
+    scan->last = index;
+    set_cover(scan, place, (struct geomipmap_cover){(uint8_t)place.height, (uint8_t)(place.height + level)});
 }
 
 // The n-th of the cells first..end-1 in an order that is front to back as seen from cell `eye`: from there
 // upwards, then from there downwards.  Cells on either side of the eye never hide each other.
-static int outward(int eye, int first, int end, int n)
+static int outward(double eye, int first, int end, int n)
 {
-    int start = eye < first ? first : eye > end ? end : eye;
+    int start = eye < first ? first : eye >= end ? end : (int)eye;
     return n < end - start ? start + n : start - 1 - (n - (end - start));
 }
 
-static int clamp_cell(double cell, int count)
+// Calls visit for the tiles first .. first + size - 1 (column and row) of one height, front to back.
+static void visit_tiles(struct scan *scan, struct geomipmap_place first, int size,
+                        void (*visit)(struct scan *scan, struct geomipmap_place place, unsigned mask),
+                        unsigned mask)
 {
-    return cell < 0 ? -1 : cell >= count ? count : (int)cell;
+    const struct geomipmap_grid *grid = &scan->tiles->grid[first.height];
+    double scale = 1.0 / (1 << first.height);
+    int end_column = first.column + size < grid->columns ? first.column + size : grid->columns;
+    int end_row = first.row + size < grid->rows ? first.row + size : grid->rows;
+    for (int j = 0; j < end_row - first.row; j++)
+        for (int i = 0; i < end_column - first.column; i++) {
+            struct geomipmap_place place = {first.height,
+                                            outward(scan->eye_tile[0] * scale, first.column, end_column, i),
+                                            outward(scan->eye_tile[1] * scale, first.row, end_row, j)};
+            visit(scan, place, mask);
+        }
 }
 
-static void scan_block(struct scan *scan, int column, int row, unsigned mask)
+static struct geomipmap_place first_child(struct geomipmap_place place)
+{
+    return (struct geomipmap_place){place.height - 1, place.column * 2, place.row * 2};
+}
+
+enum { MASK_OUTSIDE = 1 << FRUSTUM_PLANES }; // a plane's bit that is never tested: an ancestor was outside
+
+static void scan_tile(struct scan *scan, struct geomipmap_place place, unsigned mask)
 {
     const struct geomipmap_tiles *tiles = scan->tiles;
-    int first_column = column * GEOMIPMAP_BLOCK, first_row = row * GEOMIPMAP_BLOCK;
-    int end_column = first_column + GEOMIPMAP_BLOCK, end_row = first_row + GEOMIPMAP_BLOCK;
-    if (end_column > tiles->tiles.columns) end_column = tiles->tiles.columns;
-    if (end_row > tiles->tiles.rows) end_row = tiles->tiles.rows;
-    struct box box = scan_box(scan, first_column, first_row, end_column - first_column, end_row - first_row,
-                              tiles->blocks.range[(size_t)row * tiles->blocks.columns + column]);
-    if (mask && frustum_test_box(&scan->frustum, box.low, box.high, &mask) == FRUSTUM_OUTSIDE) {
-        if (scan->cull) return;
-        mask = FRUSTUM_ALL;
+    struct box box;
+    enum frustum_side side = FRUSTUM_OUTSIDE;
+    if (mask != MASK_OUTSIDE) {
+        box = tile_box(scan, place);
+        side = mask ? frustum_test_box(&scan->frustum, box.low, box.high, &mask) : FRUSTUM_INSIDE;
     }
-    int eye_column = clamp_cell(scan->eye_tile[0], tiles->tiles.columns);
-    int eye_row = clamp_cell(scan->eye_tile[1], tiles->tiles.rows);
-    for (int j = 0; j < end_row - first_row; j++)
-        for (int i = 0; i < end_column - first_column; i++)
-            scan_tile(scan, outward(eye_column, first_column, end_column, i),
-                      outward(eye_row, first_row, end_row, j), mask);
+    // All alike at their coarsest, tiles outside ask nothing of their neighbours; merged ones may have to
+    // split.
+    if (side == FRUSTUM_OUTSIDE && scan->cull && tiles->merge == 0) return;
+    if (place.height <= tiles->merge) {
+        if (side == FRUSTUM_OUTSIDE) {
+            add_pick(scan, place, tiles->levels - 1, false);
+            return;
+        }
+        int level = choose_level(scan, place, &box, side == FRUSTUM_INSIDE);
+        // Smaller tiles would not save triangles: 2 x 2 of them, at their coarsest, are this tile's second
+        // coarsest level.
+        if (place.height == 0 || level >= tiles->levels - 2) {
+            add_pick(scan, place, level, true);
+            return;
+        }
+    }
+    visit_tiles(scan, first_child(place), 2, scan_tile, side == FRUSTUM_OUTSIDE ? MASK_OUTSIDE : mask);
 }
 
-static void scan_blocks(struct scan *scan)
+// ---- borders
+// --------------------------------------------------------------------------------------------------------
+
+// The tiles of height 0 along the outside of one side of a tile.
+struct fringe {
+    int column, row, step_column, step_row, count;
+};
+
+static struct fringe tile_fringe(const struct scan *scan, struct geomipmap_place place,
+                                 enum geomipmap_side side)
 {
-    const struct geomipmap_tiles *tiles = scan->tiles;
-    unsigned mask = FRUSTUM_ALL;
-    struct box box = scan_box(scan, 0, 0, tiles->tiles.columns, tiles->tiles.rows, tiles->range);
-    if (frustum_test_box(&scan->frustum, box.low, box.high, &mask) == FRUSTUM_OUTSIDE) {
-        if (scan->cull) return;
-        mask = FRUSTUM_ALL;
-    }
-    int eye_column = clamp_cell(scan->eye_tile[0] / GEOMIPMAP_BLOCK, tiles->blocks.columns);
-    int eye_row = clamp_cell(scan->eye_tile[1] / GEOMIPMAP_BLOCK, tiles->blocks.rows);
-    for (int j = 0; j < tiles->blocks.rows; j++)
-        for (int i = 0; i < tiles->blocks.columns; i++)
-            scan_block(scan, outward(eye_column, 0, tiles->blocks.columns, i),
-                       outward(eye_row, 0, tiles->blocks.rows, j), mask);
+    const struct geomipmap_grid *grid = &scan->tiles->grid[0];
+    int size = 1 << place.height, column = place.column * size, row = place.row * size;
+    bool across = side == GEOMIPMAP_SOUTH || side == GEOMIPMAP_NORTH;
+    struct fringe fringe = {.column = column, .row = row, .step_column = across, .step_row = !across};
+    if (side == GEOMIPMAP_SOUTH) fringe.row = row - 1;
+    if (side == GEOMIPMAP_NORTH) fringe.row = row + size;
+    if (side == GEOMIPMAP_WEST) fringe.column = column - 1;
+    if (side == GEOMIPMAP_EAST) fringe.column = column + size;
+    if (fringe.column < 0 || fringe.row < 0 || fringe.column >= grid->columns || fringe.row >= grid->rows)
+        return fringe; // the edge of the map
+    int along = across ? grid->columns - column : grid->rows - row;
+    fringe.count = size < along ? size : along;
+    return fringe;
 }
 
-// The level that a neighbour asks of this tile's edge: its own, or none when it is not drawn or not there.
-static int level_at(const struct scan *scan, int column, int row, int otherwise)
+static struct geomipmap_cover cover_at(const struct scan *scan, const struct fringe *fringe, int n)
 {
-    const struct geomipmap_grid *grid = &scan->tiles->tiles;
-    if (column < 0 || row < 0 || column >= grid->columns || row >= grid->rows) return otherwise;
-    int level = scan->selection->level[row * grid->columns + column];
-    return level == GEOMIPMAP_NOT_DRAWN ? otherwise : level;
+    int column = fringe->column + n * fringe->step_column, row = fringe->row + n * fringe->step_row;
+    return scan->selection->cover[(size_t)row * (size_t)scan->tiles->grid[0].columns + (size_t)column];
+}
+
+// The smallest step along one side of a tile, its own and its neighbours'; those not drawn ask for nothing.
+static int side_step(const struct scan *scan, struct geomipmap_place place, int own, enum geomipmap_side side)
+{
+    struct fringe fringe = tile_fringe(scan, place, side);
+    for (int n = 0; n < fringe.count; n++) {
+        int step = cover_at(scan, &fringe, n).step;
+        own = step < own ? step : own; // GEOMIPMAP_NOTHING is larger than any step
+    }
+    return own;
+}
+
+// The step that a tile must draw along one side.  Beside a larger tile it is decided along the whole side of
+// that one.
+static int border_step(const struct scan *scan, const struct geomipmap_pick *pick, enum geomipmap_side side)
+{
+    struct geomipmap_place place = pick->place;
+    struct fringe fringe = tile_fringe(scan, place, side);
+    if (fringe.count > 0) {
+        struct geomipmap_cover cover = cover_at(scan, &fringe, 0);
+        if (cover.step != GEOMIPMAP_NOTHING && cover.height > place.height) {
+            struct geomipmap_place larger = {cover.height, fringe.column >> cover.height,
+                                             fringe.row >> cover.height};
+            return side_step(scan, larger, cover.step, (enum geomipmap_side)((side + 2) % GEOMIPMAP_SIDES));
+        }
+    }
+    return side_step(scan, place, place.height + pick->level, side);
+}
+
+static bool lacks_samples(const struct scan *scan, const struct geomipmap_pick *pick)
+{
+    for (int side = 0; side < GEOMIPMAP_SIDES && pick->place.height > 0; side++)
+        if (side_step(scan, pick->place, pick->place.height + pick->level, (enum geomipmap_side)side) <
+            pick->place.height)
+            return true;
+    return false;
+}
+
+static void split_child(struct scan *scan, struct geomipmap_place place, unsigned mask)
+{
+    struct box box = tile_box(scan, place);
+    enum frustum_side side =
+        mask == MASK_OUTSIDE ? FRUSTUM_OUTSIDE : frustum_test_box(&scan->frustum, box.low, box.high, &mask);
+    bool seen = side != FRUSTUM_OUTSIDE;
+    int level = seen ? choose_level(scan, place, &box, side == FRUSTUM_INSIDE) : scan->tiles->levels - 1;
+    add_pick(scan, place, level, seen);
+}
+
+// Puts the four smaller tiles in the place of a pick: the first takes over its entry, so that the order
+// stays.
+static void split_pick(struct scan *scan, int index)
+{
+    struct geomipmap_selection *selection = scan->selection;
+    struct geomipmap_pick whole = selection->list[index];
+    scan->last = index;
+    visit_tiles(scan, first_child(whole.place), 2, split_child, whole.seen ? FRUSTUM_ALL : MASK_OUTSIDE);
+    if (scan->failed) return;
+    int first = selection->list[index].next;
+    selection->list[index] = selection->list[first];
+}
+
+// Splits merged tiles until each has the samples that its neighbours draw.  Every split makes tiles smaller,
+// so this ends.
+static void split_coarse_neighbours(struct scan *scan)
+{
+    struct geomipmap_selection *selection = scan->selection;
+    for (bool again = scan->tiles->merge > 0; again && !scan->failed;) {
+        again = false;
+        for (int i = selection->listed ? 0 : NONE; i != NONE && !scan->failed; i = selection->list[i].next)
+            while (lacks_samples(scan, &selection->list[i]) && !scan->failed) {
+                split_pick(scan, i);
+                again = true;
+            }
+    }
 }
 
 static void choose_sets(struct scan *scan)
 {
-    int columns = scan->tiles->tiles.columns;
-    for (int i = 0; i < scan->selection->count; i++) {
-        struct geomipmap_pick *pick = &scan->selection->picks[i];
-        int column = pick->tile % columns, row = pick->tile / columns, neighbours[GEOMIPMAP_SIDES];
-        neighbours[GEOMIPMAP_SOUTH] = level_at(scan, column, row - 1, pick->level);
-        neighbours[GEOMIPMAP_EAST] = level_at(scan, column + 1, row, pick->level);
-        neighbours[GEOMIPMAP_NORTH] = level_at(scan, column, row + 1, pick->level);
-        neighbours[GEOMIPMAP_WEST] = level_at(scan, column - 1, row, pick->level);
+    struct geomipmap_selection *selection = scan->selection;
+    int seen = 0, unseen = 0; // where the next pick of either kind goes
+    for (int i = selection->listed ? 0 : NONE; i != NONE; i = selection->list[i].next)
+        unseen += selection->list[i].seen;
+    selection->seen = unseen;
+    for (int i = selection->listed ? 0 : NONE; i != NONE; i = selection->list[i].next) {
+        struct geomipmap_pick *pick = &selection->list[i];
+        int neighbours[GEOMIPMAP_SIDES];
+        for (int side = 0; side < GEOMIPMAP_SIDES; side++)
+            neighbours[side] = border_step(scan, pick, (enum geomipmap_side)side) - pick->place.height;
         pick->set = geomipmap_mesh_set(pick->level, neighbours);
+        selection->picks[pick->seen ? seen++ : unseen++] = *pick;
     }
+    selection->count = unseen;
 }
 
-void geomipmap_select(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles,
+static void forget(struct scan *scan)
+{
+    struct geomipmap_selection *selection = scan->selection;
+    const struct geomipmap_cover nothing = {GEOMIPMAP_NOTHING, GEOMIPMAP_NOTHING};
+    for (int i = 0; i < selection->count; i++) set_cover(scan, selection->picks[i].place, nothing);
+    selection->count = selection->seen = selection->listed = 0;
+}
+
+bool geomipmap_select(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles,
                       const struct geomipmap_choice *choice, const struct view *view)
 {
-    for (int i = 0; i < selection->count; i++)
-        selection->level[selection->picks[i].tile] = GEOMIPMAP_NOT_DRAWN;
-    selection->count = 0;
-    struct scan scan = {.selection = selection, .tiles = tiles, .view = view, .cull = choice->cull};
+    struct scan scan = {
+        .selection = selection, .tiles = tiles, .view = view, .cull = choice->cull, .last = NONE};
     struct view_origin eye = view_level_origin(view, tiles->finest);
     const int64_t first[2] = {tiles->x0, tiles->y0};
     frustum_init(&scan.frustum, view);
@@ -206,6 +356,11 @@ void geomipmap_select(struct geomipmap_selection *selection, const struct geomip
         scan.corner_m[axis] = cells * tiles->spacing_m[axis];
         scan.eye_tile[axis] = -scan.corner_m[axis] / scan.tile_m[axis];
     }
-    scan_blocks(&scan);
-    choose_sets(&scan);
+    forget(&scan);
+    const struct geomipmap_grid *top = &tiles->grid[tiles->top];
+    int size = top->columns > top->rows ? top->columns : top->rows;
+    visit_tiles(&scan, (struct geomipmap_place){tiles->top, 0, 0}, size, scan_tile, FRUSTUM_ALL);
+    split_coarse_neighbours(&scan);
+    if (!scan.failed) choose_sets(&scan);
+    return !scan.failed;
 }

@@ -1,9 +1,14 @@
 // What to draw of a view: tiles inside the frustum, their levels and their index sets (Brodersen 2005,
 // sections 4 and 5).  No GL.
 //
-// Culling works on the terrain, its map blocks and its tiles, with the n- and p-vertex test and plane
-// masking.  A tile that is not drawn asks nothing of its neighbours, so what is drawn depends on this view
-// alone.  Tiles come front to back. SPDX-License-Identifier: MIT
+// From the largest tiles down, what the frustum does not meet is dropped (n- and p-vertex test with plane
+// masking).  A tile is drawn where one of its two coarsest levels will do; else the four smaller tiles in its
+// place are looked at.  The smallest are drawn at whatever level they need.  Tiles come front to back.
+//
+// Two tiles draw the same vertices along the border that they share: those of the finer side; where a merged
+// tile meets several smaller ones, those of the finest of all along that side.  A merged tile has every
+// 2^height-th sample; beside a tile that draws more it is split.  Tiles outside the frustum take part in
+// this, so that what is seen does not depend on culling. SPDX-License-Identifier: MIT
 #ifndef GEOMIPMAP_GEOMIPMAP_SELECT_H
 #define GEOMIPMAP_GEOMIPMAP_SELECT_H
 
@@ -11,31 +16,39 @@
 #include "geomipmap/geomipmap_tiles.h"
 
 struct geomipmap_pick {
-    int tile;
+    struct geomipmap_place place;
     int level;
-    int set; // geomipmap_mesh_set
+    int set;   // geomipmap_mesh_set
+    bool seen; // the frustum meets it
+    int next;  // while selecting: the pick after this one
 };
 
 struct geomipmap_choice { // how to select; the same for all frames
     enum geomipmap_metric metric;
     double tau_px;
-    bool cull; // false: tiles outside the frustum are drawn as well, at their coarsest level
+    bool cull; // leave out unseen tiles that concern no other; false: list them all
 };
+
+struct geomipmap_cover { // what covers a tile of height 0
+    uint8_t height;
+    uint8_t step; // every 2^step-th sample is drawn; GEOMIPMAP_NOTHING: no pick covers it
+};
+enum { GEOMIPMAP_NOTHING = 255 };
 
 struct geomipmap_selection {
-    struct geomipmap_pick *picks; // room for every tile
-    int count;
-    uint8_t *level; // by tile: its level, or GEOMIPMAP_NOT_DRAWN
-    int tile_count;
+    struct geomipmap_pick *picks; // those seen first
+    int count, seen;              // of all; of those seen
+    struct geomipmap_pick *list;  // while selecting
+    int listed, room;
+    struct geomipmap_cover *cover; // by tile of height 0
 };
-
-enum { GEOMIPMAP_NOT_DRAWN = 255 };
 
 bool geomipmap_selection_init(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles);
 void geomipmap_selection_finish(struct geomipmap_selection *selection); // accepts a zeroed selection
 
-// Replaces the selection by that of a view.  Allocates nothing.
-void geomipmap_select(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles,
+// Replaces the selection by that of a view.  Allocates only when there are more picks than ever before. False
+// after one line on stderr.
+bool geomipmap_select(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles,
                       const struct geomipmap_choice *choice, const struct view *view);
 
 #endif

@@ -1,9 +1,15 @@
 // The tiles of a terrain: where they are, how high, and how wrong each is at each level.  No GL.
 //
-// Tile (column, row) covers 2^bits cells of the finest level from sample (x0 + column 2^bits, y0 + row
-// 2^bits); neighbours share a row of samples.  Tiles that stick out of the map's north and east edge repeat
-// its last samples, which the exact outline cuts away again.  Tiles are grouped into map blocks (Brodersen
-// 2005, section 3) for culling. SPDX-License-Identifier: MIT
+// A tile of height 0 covers 2^bits cells of the finest level and holds every sample of them; neighbours share
+// a row of samples. 2 x 2 tiles merge into a tile of the next height, which covers twice the ground with the
+// same number of vertices: every 2^height-th sample.  Distant ground is drawn with those, so that it costs
+// neither a draw call nor eight triangles for every small tile (merge 0 is Brodersen 2005 as published).
+// Where no tile may be drawn any more, the tree goes on for culling alone: its nodes are the paper's map
+// blocks.
+//
+// Tile (column, row) of height h covers 2^(bits + h) cells from sample (x0 + column 2^(bits+h), y0 + row
+// 2^(bits+h)).  Tiles that stick out of the map's north and east edge repeat its last samples, which the
+// exact outline cuts away again. SPDX-License-Identifier: MIT
 #ifndef GEOMIPMAP_GEOMIPMAP_TILES_H
 #define GEOMIPMAP_GEOMIPMAP_TILES_H
 
@@ -11,40 +17,63 @@
 #include "geomipmap/geomipmap_lod.h"
 
 enum {
-    GEOMIPMAP_BLOCK_BITS = 3,
-    GEOMIPMAP_BLOCK = 1 << GEOMIPMAP_BLOCK_BITS
-}; // tiles on a side of a map block
+    GEOMIPMAP_BLOCK_HEIGHT =
+        3, // culling begins with blocks of 8 x 8 tiles, or larger when tiles merge to that
+    GEOMIPMAP_MAX_HEIGHTS = GEOMIPMAP_BLOCK_HEIGHT + 1,
+};
 
-struct geomipmap_range { // lowest and highest height, quanta
+struct geomipmap_range { // lowest and highest sample, quanta
     int32_t low, high;
 };
 
-struct geomipmap_grid { // of tiles, or of map blocks
+struct geomipmap_grid { // the tiles of one height
     int columns, rows;
-    struct geomipmap_range *range; // row by row, row 0 south
+    int first;                     // number of its first tile; the others follow row by row, row 0 south
+    struct geomipmap_range *range; // by tile
+    float *error;                  // quanta, [tile * levels + level]; NULL: not drawn at this height
 };
 
 struct geomipmap_tiles {
     const struct terrain *terrain; // borrowed
     int bits, levels;              // levels == bits
-    int finest;                    // level of the terrain that is drawn
-    int64_t x0, y0;                // its south-west sample
-    double spacing_m[2];           // between its samples
+    int merge;                     // greatest height that may be drawn
+    int top;                       // greatest height
+    struct geomipmap_grid grid[GEOMIPMAP_MAX_HEIGHTS];
+    int drawable;        // tiles of heights 0..merge
+    int finest;          // level of the terrain that is drawn
+    int64_t x0, y0;      // its south-west sample
+    double spacing_m[2]; // between its samples
     double quantum_m, offset_m;
-    struct geomipmap_grid tiles, blocks;
-    struct geomipmap_range range; // of the whole terrain
-    float *error;                 // quanta, [tile * levels + level]
-    bool wide; // some tile is higher than 65,535 quanta: its heights need more than 16 bits
+    bool wide; // some tile spans more than 65,535 quanta: its heights need more than 16 bits
 };
 
-// Measures all tiles on `threads` threads (<= 0: one a processor); the same result for any number.  False
-// after one line on stderr.
-bool geomipmap_tiles_init(struct geomipmap_tiles *tiles, const struct terrain *terrain, int bits,
+struct geomipmap_place { // of a tile
+    int height, column, row;
+};
+
+// Measures all tiles on `threads` threads (<= 0: one a processor); the same result for any number.  bits +
+// merge is at most GEOMIPMAP_MAX_EXTENT.  False after one line on stderr.
+bool geomipmap_tiles_init(struct geomipmap_tiles *tiles, const struct terrain *terrain, int bits, int merge,
                           enum geomipmap_delta delta, int threads);
 void geomipmap_tiles_finish(struct geomipmap_tiles *tiles); // accepts zeroed tiles
 
-// Reads the (2^bits + 1)^2 heights of a tile, quanta.
-void geomipmap_tiles_read(const struct geomipmap_tiles *tiles, int tile, int32_t *heights);
+// Tiles that may be drawn have one number, 0 .. drawable - 1.
+struct geomipmap_place geomipmap_tiles_place(const struct geomipmap_tiles *tiles, int tile);
+
+static inline int geomipmap_tiles_number(const struct geomipmap_tiles *tiles, struct geomipmap_place place)
+{
+    const struct geomipmap_grid *grid = &tiles->grid[place.height];
+    return grid->first + place.row * grid->columns + place.column;
+}
+
+struct geomipmap_range geomipmap_tiles_range(const struct geomipmap_tiles *tiles,
+                                             struct geomipmap_place place);
+// Its errors, by level.
+const float *geomipmap_tiles_error(const struct geomipmap_tiles *tiles, struct geomipmap_place place);
+
+// Reads the (2^bits + 1)^2 heights that a tile holds, quanta.
+void geomipmap_tiles_read(const struct geomipmap_tiles *tiles, struct geomipmap_place place,
+                          int32_t *heights);
 
 size_t geomipmap_tiles_bytes(const struct geomipmap_tiles *tiles);
 

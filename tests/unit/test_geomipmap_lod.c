@@ -44,7 +44,7 @@ static void measure(const struct geomipmap_plan *plan, enum geomipmap_delta delt
     static double lanes[MAX_ROW * MAX_ROW * GEOMIPMAP_LANES];
     float all[GEOMIPMAP_LANES][GEOMIPMAP_MAX_LEVELS];
     double range[GEOMIPMAP_LANES] = {0};
-    int row = (1 << plan->bits) + 1;
+    int row = (1 << (plan->bits + plan->height)) + 1;
     int32_t low = INT32_MAX, high = INT32_MIN;
     for (int k = 0; k < row * row; k++) {
         low = heights[k] < low ? heights[k] : low;
@@ -111,7 +111,7 @@ static struct excess check_patch(const struct geomipmap_mesh *mesh, const struct
     static uint64_t seen[1 << 16];
     struct excess found = {false, false};
     float stable[GEOMIPMAP_MAX_LEVELS], published[GEOMIPMAP_MAX_LEVELS];
-    int row = (1 << mesh->bits) + 1, set = 0;
+    int vertices = (1 << mesh->bits) + 1, row = (1 << (mesh->bits + plan->height)) + 1, set = 0;
     measure(plan, GEOMIPMAP_STABLE, heights, lane, stable);
     measure(plan, GEOMIPMAP_PUBLISHED, heights, lane, published);
     for (int level = 0; level < mesh->bits; level++) {
@@ -127,9 +127,12 @@ static struct excess check_patch(const struct geomipmap_mesh *mesh, const struct
                 uint64_t *cell = &seen[key * 0x9e3779b97f4a7c15u >> 48];
                 if (*cell == key) continue;
                 *cell = key;
-                if (triangle_excess(heights, row, index + i, (double)stable[level]) > 0) found.stable = true;
-                if (triangle_excess(heights, row, index + i, (double)published[level]) > 0)
-                    found.published = true;
+                uint16_t v[3]; // in samples of the finest level
+                for (int k = 0; k < 3; k++)
+                    v[k] = (uint16_t)((index[i + k] / vertices << plan->height) * row +
+                                      (index[i + k] % vertices << plan->height));
+                if (triangle_excess(heights, row, v, (double)stable[level]) > 0) found.stable = true;
+                if (triangle_excess(heights, row, v, (double)published[level]) > 0) found.published = true;
             }
         }
     }
@@ -140,24 +143,26 @@ static void stable_error_holds_for_every_border(void **state)
 {
     (void)state;
     uint64_t seed = 4;
-    for (int bits = 3; bits <= 4; bits++) {
-        int patches = bits == 3 ? test_size(300, 900) : test_size(200, 600), stable = 0, published = 0;
+    static const int sizes[][2] = {{3, 0}, {4, 0}, {3, 1}, {2, 2}, {3, 2}}; // bits, height
+    for (size_t size = 0; size < sizeof sizes / sizeof sizes[0]; size++) {
+        int bits = sizes[size][0], height = sizes[size][1], patches = test_size(200, 900);
+        int stable = 0, published = 0;
         struct geomipmap_mesh mesh;
         struct geomipmap_plan plan;
         assert_true(geomipmap_mesh_init(&mesh, bits));
-        assert_true(geomipmap_plan_init(&plan, bits));
+        assert_true(geomipmap_plan_init(&plan, bits, height));
         for (int patch = 0; patch < patches; patch++) {
             int32_t heights[MAX_ROW * MAX_ROW];
             if (patch % 4 == 3)
-                make_noise(bits, &seed, heights);
+                make_noise(bits + height, &seed, heights);
             else
-                make_fractal(bits, test_uniform(&seed, 0.45, 0.75), &seed, heights);
+                make_fractal(bits + height, test_uniform(&seed, 0.45, 0.75), &seed, heights);
             struct excess found = check_patch(&mesh, &plan, heights, patch % GEOMIPMAP_LANES);
             stable += found.stable;
             published += found.published;
         }
-        FIGURE("%d patches of %d x %d: stable error broken in %d, published in %d", patches, (1 << bits) + 1,
-               (1 << bits) + 1, stable, published);
+        FIGURE("%d patches of %d x %d, every %d. sample: stable error broken in %d, published in %d", patches,
+               (1 << bits) + 1, (1 << bits) + 1, 1 << height, stable, published);
         assert_int_equal(stable, 0);
         assert_true(published > 0); // the check has power
         geomipmap_plan_finish(&plan);
@@ -171,7 +176,7 @@ static void needle_costs_its_height(void **state)
     (void)state;
     for (int bits = 2; bits <= 5; bits++) {
         struct geomipmap_plan plan;
-        assert_true(geomipmap_plan_init(&plan, bits));
+        assert_true(geomipmap_plan_init(&plan, bits, 0));
         int row = (1 << bits) + 1;
         int32_t heights[MAX_ROW * MAX_ROW] = {0};
         heights[row * (row / 2 + 1) + row / 2 + 1] = 1000; // odd: only level 0 has it
@@ -192,7 +197,7 @@ static void flat_and_level_zero_have_no_error(void **state)
     uint64_t seed = 9;
     for (int bits = 2; bits <= 5; bits++) {
         struct geomipmap_plan plan;
-        assert_true(geomipmap_plan_init(&plan, bits));
+        assert_true(geomipmap_plan_init(&plan, bits, 0));
         int32_t heights[MAX_ROW * MAX_ROW];
         float error[GEOMIPMAP_MAX_LEVELS];
         for (int k = 0; k < MAX_ROW * MAX_ROW; k++) heights[k] = 88480;
@@ -322,18 +327,22 @@ static void tiles_cover_maps_of_any_size(void **state)
     for (size_t s = 0; s < sizeof sizes / sizeof sizes[0]; s++) {
         struct terrain *terrain = make_terrain(sizes[s][0], sizes[s][1], 1, &seed);
         struct geomipmap_tiles one, three;
-        assert_true(geomipmap_tiles_init(&one, terrain, 4, GEOMIPMAP_STABLE, 1));
-        assert_true(geomipmap_tiles_init(&three, terrain, 4, GEOMIPMAP_STABLE, 3));
-        assert_int_equal(one.tiles.columns, sizes[s][2]);
-        assert_int_equal(one.tiles.rows, sizes[s][3]);
-        size_t count = (size_t)one.tiles.columns * (size_t)one.tiles.rows;
-        assert_memory_equal(one.error, three.error, count * 4 * sizeof *one.error);
-        assert_memory_equal(one.tiles.range, three.tiles.range, count * sizeof *one.tiles.range);
-        for (size_t tile = 0; tile < count; tile++) {
+        int merge = (int)s % 4;
+        assert_true(geomipmap_tiles_init(&one, terrain, 4, merge, GEOMIPMAP_STABLE, 1));
+        assert_true(geomipmap_tiles_init(&three, terrain, 4, merge, GEOMIPMAP_STABLE, 3));
+        assert_int_equal(one.grid[0].columns, sizes[s][2]);
+        assert_int_equal(one.grid[0].rows, sizes[s][3]);
+        for (int tile = 0; tile < one.drawable; tile++) {
             int32_t heights[17 * 17];
-            geomipmap_tiles_read(&one, (int)tile, heights);
-            for (int k = 0; k < 17 * 17; k++)
-                assert_in_range(heights[k], one.tiles.range[tile].low, one.tiles.range[tile].high);
+            struct geomipmap_place place = geomipmap_tiles_place(&one, tile);
+            assert_int_equal(geomipmap_tiles_number(&one, place), tile);
+            struct geomipmap_range range = geomipmap_tiles_range(&one, place),
+                                   same = geomipmap_tiles_range(&three, place);
+            assert_memory_equal(&range, &same, sizeof range);
+            assert_memory_equal(geomipmap_tiles_error(&one, place), geomipmap_tiles_error(&three, place),
+                                4 * sizeof(float));
+            geomipmap_tiles_read(&one, place, heights);
+            for (int k = 0; k < 17 * 17; k++) assert_in_range(heights[k] + 1, range.low + 1, range.high + 1);
         }
         assert_false(one.wide);
         geomipmap_tiles_finish(&one);
@@ -348,7 +357,7 @@ static void tall_tiles_are_noticed(void **state)
     uint64_t seed = 6;
     struct terrain *terrain = make_terrain(40, 40, 4000, &seed);
     struct geomipmap_tiles tiles;
-    assert_true(geomipmap_tiles_init(&tiles, terrain, 4, GEOMIPMAP_STABLE, 1));
+    assert_true(geomipmap_tiles_init(&tiles, terrain, 4, 0, GEOMIPMAP_STABLE, 1));
     assert_true(tiles.wide);
     geomipmap_tiles_finish(&tiles);
     terrain_destroy(terrain);
