@@ -18,7 +18,7 @@ static const char *const figure_titles[FIGURE_COUNT] = {
 };
 
 // Where axes stand on the canvas, in pixels.
-enum { LEFT = 84, RIGHT = PLOT_WIDTH - 30, TOP = 48, BELOW = 72, PATH_HEIGHT = 620 };
+enum { LEFT = 108, RIGHT = PLOT_WIDTH - 30, TOP = 48, BELOW = 72, PATH_HEIGHT = 620 };
 #define ONE_PIXEL_ACROSS "set arrow from graph 0,first 1 to graph 1,first 1 nohead lc rgb '#999999' lw 1.2\n"
 
 // ---- curves: the frontier, and error against triangles ------------------------------------------
@@ -53,14 +53,36 @@ static double level_ms(const struct report_renderer *renderer)
     return line && renderer->shown ? json_number(renderer->shown->json, "frame_ms.median") : (double)NAN;
 }
 
+// A baseline that errs far more than every method would squeeze their curves into a corner: beyond four times
+// the methods' largest error its points lie outside the figure.
+static double error_ceiling(const struct report *report)
+{
+    double largest = 0;
+    for (int i = 0; i < report->renderer_count; i++)
+        if (report->renderers[i].role == ROLE_METHOD && report->renderers[i].point_count > 0)
+            largest = fmax(largest, report->renderers[i].points[0].error_px);
+    return largest > 0 ? 4 * largest : (double)INFINITY;
+}
+
+int report_points_outside(const struct report *report)
+{
+    int count = 0;
+    for (int i = 0; i < report->renderer_count; i++)
+        for (int k = 0;
+             has_curve(&report->renderers[i], FIGURE_FRONTIER) && k < report->renderers[i].point_count; k++)
+            count += report->renderers[i].points[k].error_px > error_ceiling(report);
+    return count;
+}
+
 static bool curve_axes(const struct report *report, enum report_figure figure, struct plot *plot)
 {
+    double ceiling = error_ceiling(report);
     plot->x = plot->y = axis_empty(true);
     for (int i = 0; i < report->renderer_count; i++) {
         const struct report_renderer *renderer = &report->renderers[i];
         if (!has_curve(renderer, figure)) continue;
         for (int k = 0; k < renderer->point_count; k++) {
-            if (!drawable(&renderer->points[k], figure)) continue;
+            if (!drawable(&renderer->points[k], figure) || renderer->points[k].error_px > ceiling) continue;
             axis_include(&plot->x, point_x(&renderer->points[k], figure));
             axis_include(&plot->y, point_y(&renderer->points[k], figure));
             if (figure != FIGURE_FRONTIER) continue;
@@ -112,7 +134,7 @@ static void each_point(const struct report *report, enum report_figure figure, c
             const struct report_point *point = &renderer->points[k];
             if (!drawable(point, figure)) continue;
             double x = plot_x(plot, point_x(point, figure)), y = plot_y(plot, point_y(point, figure));
-            visit(x, y, last_x, last_y, point, user);
+            if (point->error_px <= error_ceiling(report)) visit(x, y, last_x, last_y, point, user);
             last_x = x;
             last_y = y;
         }
@@ -158,19 +180,6 @@ static void label_curves(const struct report *report, enum report_figure figure,
     free(labelling.taken.items);
 }
 
-static void add_curve_key(struct text *script, const struct report_renderer *renderer,
-                          enum report_figure figure)
-{
-    char number[16], name[128];
-    if (figure == FIGURE_TRIANGLES && isfinite(renderer->rank_correlation)) {
-        snprintf(number, sizeof number, "%.2f", fabs(renderer->rank_correlation));
-        snprintf(name, sizeof name, "%.80s (\u03c1 %s%s)", renderer->name,
-                 renderer->rank_correlation < 0 ? "\u2212" : "", number);
-    } else
-        snprintf(name, sizeof name, "%.80s", renderer->name);
-    plot_add_quoted(script, name);
-}
-
 static void add_levels(const struct report *report, const struct plot *plot, struct text *script)
 {
     for (int i = 0; i < report->renderer_count; i++) {
@@ -207,7 +216,7 @@ static void add_curve_lines(const struct report *report, enum report_figure figu
         text_add(script,
                  "%s'%s.dat' index %d using 1:2 with linespoints lw 2.4 pt %d ps 1 lc rgb '%s' title ",
                  opening, figure_names[figure], block++, renderer->mark, renderer->colour);
-        add_curve_key(script, renderer, figure);
+        plot_add_quoted(script, renderer->name);
         opening = next;
     }
 }
@@ -292,7 +301,9 @@ static void write_panels(const struct report *report, const bool *drawn, struct 
     bool has_ms = axis_pad(&axes->ms, 0), has_error = axis_pad(&axes->error, 0.06);
     double height = PATH_HEIGHT, floor_px = height - BELOW, middle = has_ms && has_error ? 305 : floor_px;
     const char *frame_label = "set format x '%g'\nset xlabel 'frame of the path' offset 0,0.3\n";
-    axes->ms.low = 0;
+    axes->ms.logarithmic =
+        axes->ms.low > 0 && axes->ms.high > 8 * axes->ms.low; // the fast would lie on the floor
+    if (!axes->ms.logarithmic) axes->ms.low = 0;
     axis_pad(&axes->ms, 0.08);
     if (!(axes->frames.high > axes->frames.low)) axes->frames.high = axes->frames.low + 1;
     text_add(script, "set multiplot\n");

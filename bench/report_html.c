@@ -4,58 +4,61 @@
 #include "bench/report_parts.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
-static const char style[] =
-    ":root{color-scheme:light;--ink:#1a1c1e;--soft:#5a6066;--line:#d9dcdf;--wash:#f5f6f7;--accent:#0072b2}\n"
-    "*{box-sizing:border-box}\n"
+static const char *const style[] = {
+    // one string for each part: compilers need not take long ones
+    ":root{color-scheme:light;--ink:#1a1c1e;--soft:#5a6066;--line:#d9dcdf;--wash:#f5f6f7;--accent:#0072b2}\n",
+    "*{box-sizing:border-box}\n",
     "body{margin:0;background:#fff;color:var(--ink);font:16px/1.55 system-ui,-apple-system,'Segoe UI',Roboto,"
-    "'Helvetica Neue',Arial,sans-serif}\n"
-    "main{max-width:1180px;margin:0 auto;padding:40px 28px 80px}\n"
-    "h1{font-size:2.1rem;line-height:1.15;margin:.1em 0 .5em;letter-spacing:-.015em}\n"
+    "'Helvetica Neue',Arial,sans-serif}\n",
+    "main{max-width:1180px;margin:0 auto;padding:40px 28px 80px}\n",
+    "h1{font-size:2.1rem;line-height:1.15;margin:.1em 0 .5em;letter-spacing:-.015em}\n",
     "h2{font-size:1.35rem;line-height:1.25;margin:2.6em 0 .4em;padding-top:.7em;border-top:2px solid "
-    "var(--ink)}\n"
-    "h3{font-size:1rem;margin:1.6em 0 .5em}\n"
-    "p{margin:.5em 0;max-width:78ch}a{color:var(--accent)}\n"
+    "var(--ink)}\n",
+    "h3{font-size:1rem;margin:1.6em 0 .5em}\n",
+    "p{margin:.5em 0;max-width:78ch}a{color:var(--accent)}\n",
     "code{font:.875em ui-monospace,SFMono-Regular,Menlo,Consolas,'DejaVu Sans "
-    "Mono',monospace;overflow-wrap:anywhere}\n"
-    "pre{background:var(--wash);padding:12px 16px;overflow-x:auto;border-radius:4px;white-space:pre-wrap}\n"
-    ".eyebrow{color:var(--soft);margin:0;max-width:none;font-size:.9rem}\n"
-    ".lead{font-size:1.25rem;line-height:1.5;max-width:74ch;margin:.4em 0 1.2em}\n"
-    ".note,.eyebrow+p{color:var(--soft);font-size:.9rem}.bad{color:#a8201a}\n"
-    ".warning{border:2px solid #a8201a;border-radius:4px;padding:10px 16px;max-width:none}\n"
-    "nav{font-size:.9rem;margin:1em 0;display:flex;flex-wrap:wrap;gap:.3em 1.4em}\n"
+    "Mono',monospace;overflow-wrap:anywhere}\n",
+    "pre{background:var(--wash);padding:12px 16px;overflow-x:auto;border-radius:4px;white-space:pre-wrap}\n",
+    ".eyebrow{color:var(--soft);margin:0;max-width:none;font-size:.9rem}\n",
+    ".lead{font-size:1.25rem;line-height:1.5;max-width:74ch;margin:.4em 0 1.2em}\n",
+    ".note,.eyebrow+p{color:var(--soft);font-size:.9rem}.bad{color:#a8201a}\n",
+    ".warning{border:2px solid #a8201a;border-radius:4px;padding:10px 16px;max-width:none}\n",
+    "nav{font-size:.9rem;margin:1em 0;display:flex;flex-wrap:wrap;gap:.3em 1.4em}\n",
     ".who{white-space:nowrap;font-weight:600}.who::before{content:'';display:inline-block;width:.68em;height:"
     ".68em;"
     "border-radius:2px;background:var(--c);margin-right:.36em;-webkit-print-color-adjust:exact;"
-    "print-color-adjust:exact}\n"
+    "print-color-adjust:exact}\n",
     "dl{display:grid;grid-template-columns:12.5rem 1fr;gap:.55em 1.2em;margin:1em 0}dt{color:var(--soft)}"
-    ".verdict{font-size:.95rem}dd{margin:0;max-width:104ch;overflow-wrap:anywhere}\n"
-    "small{font-size:.82em;color:var(--soft);font-weight:400;white-space:nowrap}\n"
+    ".verdict{font-size:.95rem}dd{margin:0;max-width:104ch;overflow-wrap:anywhere}\n",
+    "small{font-size:.82em;color:var(--soft);font-weight:400;white-space:nowrap}\n",
     "figure{margin:1em 0;break-inside:avoid}figcaption{color:var(--soft);font-size:.9rem;margin-top:.3em}"
-    "figcaption b{color:var(--ink)}\n"
+    "figcaption b{color:var(--ink)}\n",
     "svg{display:block;width:100%;min-width:680px;height:auto}svg "
     "text{font-family:system-ui,-apple-system,'Segoe "
     "UI',Roboto,Arial,"
-    "sans-serif}\n"
-    ".scroll{overflow-x:auto;margin:.5em 0}\n"
-    "table{border-collapse:collapse;font-variant-numeric:tabular-nums;font-size:.9rem;line-height:1.35}\n"
+    "sans-serif}\n",
+    ".scroll{overflow-x:auto;margin:.5em 0}\n",
+    "table{border-collapse:collapse;font-variant-numeric:tabular-nums;font-size:.9rem;line-height:1.35}\n",
     "th,td{padding:.34em .7em;text-align:right;vertical-align:baseline;white-space:nowrap;border-bottom:1px "
     "solid "
-    "var(--line)}\n"
+    "var(--line)}\n",
     "thead th{vertical-align:bottom;border-bottom:1.5px solid var(--ink);font-weight:600}thead "
-    "small{display:block}\n"
+    "small{display:block}\n",
     "tbody th{font-weight:400}td small{display:block}.word{text-align:left}td.best{font-weight:700}"
-    "td.off{color:var(--soft);font-size:.82rem;white-space:normal}\n"
+    "td.off{color:var(--soft);font-size:.82rem;white-space:normal}\n",
     ".runs .who{font-weight:400}.runs tr.first:not(:first-child)>*{border-top:2px solid #9aa0a6}.runs "
     "th.word{position:sticky;left:0;"
-    "background:#fff}.runs th,.runs td{padding:.3em .55em}\n"
-    ".prose .who{font-weight:400}.prose td{white-space:normal;min-width:9rem}\n"
+    "background:#fff}.runs th,.runs td{padding:.3em .55em}\n",
+    ".prose .who{font-weight:400}td.word.long{white-space:normal;min-width:20rem}.prose "
+    "td{white-space:normal;min-width:9rem}\n",
     ".halves{display:flex;flex-wrap:wrap;gap:0 3rem}"
-    ".half{min-width:0;max-width:100%}\n"
+    ".half{min-width:0;max-width:100%}\n",
     ".moments{display:grid;grid-template-columns:repeat(3,minmax(0,1fr));gap:14px}.moments figure{margin:0}"
     ".moments img{display:block;width:100%;height:auto;margin-bottom:3px;background:var(--wash)}"
-    ".absent{color:var(--soft);background:var(--wash);padding:1em}\n"
+    ".absent{color:var(--soft);background:var(--wash);padding:1em}\n",
     "details{margin:1.6em 0}summary{cursor:pointer;font-weight:600}"
     ".legend{display:flex;flex-wrap:wrap;align-items:flex-start;gap:8px 20px;margin:.8em 0;font-size:.85rem}"
     ".scale{display:grid;grid-template-columns:repeat(3,1fr) 0;width:min(380px,100%);margin-right:40px}"
@@ -63,12 +66,13 @@ static const char style[] =
     ".scale span+span{transform:translateX(-.6em)}"
     ".swatch{display:flex;align-items:center;gap:6px}.swatch i{width:14px;height:14px;border:1px solid "
     "var(--line)}"
-    ".scale i,.swatch i{-webkit-print-color-adjust:exact;print-color-adjust:exact}\n"
+    ".scale i,.swatch i{-webkit-print-color-adjust:exact;print-color-adjust:exact}\n",
     "@media(max-width:700px){main{padding:20px 16px 60px}dl{display:block}dt{font-weight:600;margin-top:.8em}"
-    ".moments{grid-template-columns:1fr}h1{font-size:1.6rem}.lead{font-size:1.1rem}}\n"
+    ".moments{grid-template-columns:1fr}h1{font-size:1.6rem}.lead{font-size:1.1rem}}\n",
     "@media print{main{max-width:none;padding:0}nav{display:none}body{font-size:10pt}h2{break-after:avoid}"
     "tr,dd{break-inside:avoid}.runs,.runs *{font-size:7pt}.runs th,.runs td{padding:.2em .3em}"
-    ".scroll{overflow:visible}}\n";
+    ".scroll{overflow:visible}}\n",
+};
 
 // ---- facts --------------------------------------------------------------------------------------
 
@@ -108,8 +112,9 @@ static void add_opening(const struct report *report, struct text *page)
     text_add(page, "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
                    "<meta name=\"viewport\" content=\"width=device-width,initial-scale=1\"><title>Relief: ");
     text_add_escaped(page, scene ? scene : "results");
-    text_add(page, "</title>\n<style>\n%s</style></head>\n<body><main>\n<header><p class=\"eyebrow\">Relief",
-             style);
+    text_add(page, "</title>\n<style>\n");
+    for (size_t i = 0; i < sizeof style / sizeof style[0]; i++) text_add(page, "%s", style[i]);
+    text_add(page, "</style></head>\n<body><main>\n<header><p class=\"eyebrow\">Relief");
     add_fact(page, " \u00b7 scene <b>", scene, "</b>");
     add_figure_fact(page, " \u00b7 ", json_number(root, "scene.samples"), " samples");
     add_size(root, page);
@@ -185,16 +190,37 @@ static void add_correlations(const struct report *report, struct text *page)
                            : "<p>No rank correlation: it takes three settings of a renderer.</p>\n");
 }
 
+// What lies outside the figures of curves, if anything does; "" otherwise.
+static const char *outside_text(const struct report *report, char out[128])
+{
+    int count = report_points_outside(report);
+    out[0] = 0;
+    if (count)
+        snprintf(out, 128,
+                 " Outside: %d setting%s of decimated, erring over four times as much as any method.", count,
+                 count == 1 ? "" : "s");
+    return out;
+}
+
+static void add_captioned(const struct report *report, const struct report_figures *figures,
+                          enum report_figure figure, const char *caption, struct text *page)
+{
+    char outside[128], whole[512];
+    snprintf(whole, sizeof whole, "%s%s", caption, outside_text(report, outside));
+    add_figure(figures, figure, whole, page);
+}
+
 static void add_body(const struct report *report, const struct report_figures *figures, struct text *page)
 {
     text_add(page, "<section id=\"frontier\"><h2>Accuracy against time</h2>\n");
-    add_figure(figures, FIGURE_FRONTIER,
-               "Each point is a setting, each curve a renderer with its quality knob turned; towards the "
-               "lower left is "
-               "better. Upright bars: 95\u00a0% interval of the median time. Dashed: <b>brute</b> draws the "
-               "whole mesh. "
-               "Grey: one pixel.",
-               page);
+    add_captioned(
+        report, figures, FIGURE_FRONTIER,
+        "Each point is a setting, each curve a renderer with its quality knob turned; towards the "
+        "lower left is "
+        "better. Upright bars: 95\u00a0% interval of the median time. Dashed: <b>brute</b> draws the "
+        "whole mesh. "
+        "Grey: one pixel.",
+        page);
     report_equal_tables(report, page);
     text_add(
         page,
@@ -207,9 +233,9 @@ static void add_body(const struct report *report, const struct report_figures *f
     report_steadiness(report, page);
     text_add(page, "</section>\n<section id=\"triangles\"><h2>Error against triangles</h2>\n");
     add_correlations(report, page);
-    add_figure(figures, FIGURE_TRIANGLES,
-               "What a triangle buys, whatever it costs to draw. Lower left is better. Grey: one pixel.",
-               page);
+    add_captioned(report, figures, FIGURE_TRIANGLES,
+                  "What a triangle buys, whatever it costs to draw. Lower left is better. Grey: one pixel.",
+                  page);
     text_add(page, "</section>\n<section id=\"pictures\"><h2>What was drawn</h2>\n<p>The path\u2019s start, "
                    "its middle and "
                    "each renderer\u2019s worst frame; under each picture its error in pixels.</p>\n");

@@ -131,6 +131,8 @@ struct report_figures {
 // Draws every figure that the results have numbers for.  False after one line on stderr (a folder that cannot
 // be written); a missing gnuplot is no failure.
 bool report_draw_figures(const struct report *report, struct report_figures *figures);
+// Settings that err too much to stand inside the figures of curves.
+int report_points_outside(const struct report *report);
 void report_figures_finish(struct report_figures *figures);
 
 // ---- report_tables.c, report_missing.c, report_pictures.c, report_html.c ------------------------

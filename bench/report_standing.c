@@ -91,9 +91,10 @@ struct standing report_standing(const struct report_renderer *renderer, const cJ
     }
     standing.kind = STANDING_AT;
     standing.value = value;
-    standing.low = value * curve[1] / curve[0];
-    standing.high = value * curve[2] / curve[0];
-    if (isnan(standing.low) || isnan(standing.high)) standing.low = standing.high = (double)NAN;
+    double low = value * curve[1] / curve[0], high = value * curve[2] / curve[0];
+    if (isnan(low) || isnan(high)) return standing;
+    standing.low = fmin(value, fmin(low, high)); // a curve may fall where it should rise
+    standing.high = fmax(value, fmax(low, high));
     return standing;
 }
 

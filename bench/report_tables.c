@@ -146,7 +146,7 @@ void report_equal_tables(const struct report *report, struct text *page)
 
 // ---- tables of runs -----------------------------------------------------------------------------
 
-enum kind { NUMBER, WHOLE, BYTES, PERCENT, INTERVAL, CLAIM, ROOFLINE, COUNTERS };
+enum kind { NUMBER, TIME, WHOLE, BYTES, PERCENT, INTERVAL, CLAIM, ROOFLINE, COUNTERS };
 
 struct column {
     const char *heading, *unit, *value; // value: dotted name in the run
@@ -155,19 +155,19 @@ struct column {
 };
 
 static const struct column time_columns[] = {
-    {"median", "ms", "frame_ms.median", NUMBER, "frame_ms: whole frame with the pipeline finished"},
+    {"median", "ms", "frame_ms.median", TIME, "frame_ms: whole frame with the pipeline finished"},
     {"95\u00a0% interval", "ms", "frame_ms.ci95", INTERVAL, "of the median, block bootstrap over repeats"},
-    {"p95", "ms", "frame_ms.p95", NUMBER, "95 of 100 frames take no longer"},
-    {"p99", "ms", "frame_ms.p99", NUMBER, "99 of 100 frames take no longer"},
-    {"max", "ms", "frame_ms.max", NUMBER, "slowest frame of the path"},
-    {"update", "ms", "update_ms.median", NUMBER, "selection and upload, median"},
-    {"draw", "ms", "draw_ms.median", NUMBER, "draw calls until the pipeline is finished, median"},
-    {"wall", "ms", "wall_ms.median", NUMBER, "wall clock of the frame, median"},
-    {"worker", "ms", "worker_ms.median", NUMBER, "CPU time of other threads, median"},
-    {"GPU", "ms", "gpu_ms", NUMBER, "from timer queries, median"},
+    {"p95", "ms", "frame_ms.p95", TIME, "95 of 100 frames take no longer"},
+    {"p99", "ms", "frame_ms.p99", TIME, "99 of 100 frames take no longer"},
+    {"max", "ms", "frame_ms.max", TIME, "slowest frame of the path"},
+    {"update", "ms", "update_ms.median", TIME, "selection and upload, median"},
+    {"draw", "ms", "draw_ms.median", TIME, "draw calls until the pipeline is finished, median"},
+    {"wall", "ms", "wall_ms.median", TIME, "wall clock of the frame, median"},
+    {"worker", "ms", "worker_ms.median", TIME, "CPU time of other threads, median"},
+    {"GPU", "ms", "gpu_ms", TIME, "from timer queries, median"},
     {"draw / roofline", "\u00d7", "roofline_ms.draw_ratio", ROOFLINE,
      "draw over the plainest possible draw of the same triangles"},
-    {"throughput", "ms", "throughput_ms", NUMBER, "with two frames in flight, median"},
+    {"throughput", "ms", "throughput_ms", TIME, "with two frames in flight, median"},
     {"frames/s", "", "fps", NUMBER, "frames over their time"},
     {"frames", "", "frames", WHOLE, "frames of the path that it flew"},
     {NULL, NULL, NULL, NUMBER, NULL},
@@ -210,7 +210,11 @@ static const struct column work_columns[] = {
     {"upload", "mean", "upload_bytes.mean", BYTES, "bytes sent to the GL in a frame"},
     {"", "max", "upload_bytes.max", BYTES, "bytes sent to the GL in a frame"},
     {"resident", "", "resident_bytes", BYTES, "held in buffers and textures"},
-    {"of its own", "mean a frame", "counters", COUNTERS, "figures of the method's own"},
+    {NULL, NULL, NULL, NUMBER, NULL},
+};
+
+static const struct column counter_columns[] = {
+    {"mean over the frames", "", "counters", COUNTERS, "figures of the method's own"},
     {NULL, NULL, NULL, NUMBER, NULL},
 };
 
@@ -279,10 +283,16 @@ static void add_cell(const cJSON *run, const struct column *column, struct text 
 {
     char number[NUMBER_TEXT];
     double value = run_value(run, column->value);
-    text_add(page, column->kind == COUNTERS ? "<td class=\"word\">" : "<td>");
+    text_add(page, column->kind == COUNTERS ? "<td class=\"word long\">" : "<td>");
     switch (column->kind) {
     case NUMBER:
         text_add(page, "%s", number_text(value, number));
+        break;
+    case TIME:
+        if (value > 0 && value < 5e-4)
+            text_add(page, "&lt;0.001");
+        else
+            text_add(page, "%s", number_text(value, number));
         break;
     case WHOLE:
         text_add(page, "%s", count_text(value, number));
@@ -345,6 +355,8 @@ void report_run_tables(const struct report *report, struct text *page)
     add_run_table(report, "Error on the screen", error_columns, page);
     add_run_table(report, "Coverage and promises", promise_columns, page);
     add_run_table(report, "Work and memory", work_columns, page);
+    if (column_shown(report, &counter_columns[0]))
+        add_run_table(report, "Figures of the methods\u2019 own", counter_columns, page);
     const char *why = NULL;
     for (int i = 0; i < report->run_count; i++) {
         if (!json_true(report->runs[i].json, "uncertain")) continue;

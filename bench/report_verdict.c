@@ -247,16 +247,30 @@ static void add_baselines(const struct report *report, const cJSON *row, struct 
     text_add(page, "</dd>");
 }
 
+// A renderer's setting with most holes; NULL where none was measured.
+static const struct report_run *most_holes(const struct report *report, int renderer)
+{
+    const struct report_run *worst = NULL;
+    for (int i = 0; i < report->run_count; i++) {
+        double holes = json_number(report->runs[i].json, "holes.total");
+        if (report->runs[i].renderer != renderer || isnan(holes)) continue;
+        if (!worst || holes > json_number(worst->json, "holes.total")) worst = &report->runs[i];
+    }
+    return worst;
+}
+
 static void add_holes(const struct report *report, struct text *page)
 {
     int measured = 0, broken = 0;
-    for (int i = 0; i < report->run_count; i++) {
-        double holes = json_number(report->runs[i].json, "holes.total");
-        if (report->renderers[report->runs[i].renderer].role == ROLE_EMPTY || isnan(holes)) continue;
+    for (int i = 0; i < report->renderer_count; i++) {
+        const struct report_run *worst = most_holes(report, i);
+        if (!worst || report->renderers[i].role == ROLE_EMPTY) continue;
+        double holes = json_number(worst->json, "holes.total");
         measured++;
         if (holes == 0) continue;
-        text_add(page, broken++ ? ", " : "<b class=\"bad\">Holes</b>, which are defects: ");
-        text_add_escaped(page, report->runs[i].name);
+        text_add(page,
+                 broken++ ? ", " : "<b class=\"bad\">Holes</b>, which are defects; the setting with most: ");
+        page_run(page, report, worst);
         text_add(page, " ");
         add_number(page, holes, holes == 1 ? "pixel" : "pixels");
     }
@@ -268,8 +282,8 @@ static void add_holes(const struct report *report, struct text *page)
         text_add(page, ".");
 }
 
-static double
-outline_bound(const struct report_renderer *renderer) // share of the ground, for misses and for spills
+// Share of the ground, for misses and for spills, at a renderer's best setting.
+static double outline_bound(const struct report_renderer *renderer)
 {
     return strcmp(renderer->name, "pgm") == 0 ? 0.005 : 0.0005;
 }
@@ -301,31 +315,49 @@ static void add_outlines(const struct report *report, struct text *page)
     if (written) text_add(page, beyond ? " of the ground." : " of the ground: all within their bounds.");
 }
 
+struct claims { // of a renderer: settings, those that claim a bound, frames checked, frames that broke it
+    int settings, claiming;
+    double checked, broken;
+};
+
+static struct claims count_claims(const struct report *report, int renderer)
+{
+    struct claims claims = {0};
+    for (int k = 0; k < report->run_count; k++) {
+        const cJSON *run = report->runs[k].json;
+        if (report->runs[k].renderer != renderer) continue;
+        claims.settings++;
+        if (isnan(json_number(run, "claimed_px"))) continue;
+        claims.claiming++;
+        double broken = json_number(run, "claim_broken_frames"), frames = json_number(run, "frames");
+        if (isnan(broken) || isnan(frames)) continue;
+        claims.checked += frames;
+        claims.broken += broken;
+    }
+    return claims;
+}
+
 static void add_claims(const struct report *report, struct text *page)
 {
+    char number[NUMBER_TEXT];
     text_add(page, "<dt>Promises</dt><dd>");
     for (int i = 0; i < report->renderer_count; i++) {
-        const struct report_renderer *renderer = &report->renderers[i];
-        double broken = 0;
-        int claims = 0, runs = 0;
-        if (renderer->role != ROLE_METHOD) continue;
-        for (int k = 0; k < report->run_count; k++) {
-            if (report->runs[k].renderer != i) continue;
-            runs++;
-            if (isnan(json_number(report->runs[k].json, "claimed_px"))) continue;
-            claims++;
-            double frames = json_number(report->runs[k].json, "claim_broken_frames");
-            if (frames > 0) broken += frames;
-        }
-        page_renderer(page, renderer);
-        if (claims == 0)
+        if (report->renderers[i].role != ROLE_METHOD) continue;
+        struct claims claims = count_claims(report, i);
+        page_renderer(page, &report->renderers[i]);
+        if (claims.claiming == 0)
             text_add(page, " claims no bound on its error. ");
-        else if (broken == 0)
-            text_add(page, " keeps the error it claims in every frame%s. ",
-                     claims == runs ? "" : " of the settings that claim one");
+        else if (claims.checked == 0)
+            text_add(page, " claims a bound on its error that was not checked. ");
+        else if (claims.broken == 0)
+            text_add(page, " keeps the error it claims in all %s frames%s. ",
+                     count_text(claims.checked, number),
+                     claims.claiming == claims.settings ? "" : " of the settings that claim one");
         else {
             text_add(page, " <b class=\"bad\">breaks</b> the error it claims in ");
-            add_number(page, broken, broken == 1 ? "frame" : "frames");
+            add_number(page, claims.broken, "");
+            text_add(page, " of ");
+            add_number(page, claims.checked, claims.checked == 1 ? "frame" : "frames");
             text_add(page, ". ");
         }
     }
