@@ -165,7 +165,7 @@ static const struct column time_columns[] = {
     {"wall", "ms", "wall_ms.median", TIME, "wall clock of the frame, median"},
     {"worker", "ms", "worker_ms.median", TIME, "CPU time of other threads, median"},
     {"GPU", "ms", "gpu_ms", TIME, "from timer queries, median"},
-    {"draw / roofline", "\u00d7", "roofline_ms.draw_ratio", ROOFLINE,
+    {"draw over", "roofline", "roofline_ms.draw_ratio", ROOFLINE,
      "draw over the plainest possible draw of the same triangles"},
     {"throughput", "ms", "throughput_ms", TIME, "with two frames in flight, median"},
     {"frames/s", "", "fps", NUMBER, "frames over their time"},
@@ -289,7 +289,7 @@ static void add_cell(const cJSON *run, const struct column *column, struct text 
         text_add(page, "%s", number_text(value, number));
         break;
     case TIME:
-        if (value > 0 && value < 5e-4)
+        if (value > 0 && value < 1e-3)
             text_add(page, "&lt;0.001");
         else
             text_add(page, "%s", number_text(value, number));
