@@ -25,7 +25,8 @@ bool axis_pad(struct axis *axis, double share)
 {
     if (!(axis->low <= axis->high)) return false;
     if (axis->logarithmic) {
-        double factor = pow(fmax(axis->high / axis->low, 2), share);
+        double span = fmax(axis->high / axis->low, 3); // less would hold no round values for ticks
+        double factor = pow(span, share) * sqrt(span / (axis->high / axis->low));
         axis->low /= factor;
         axis->high *= factor;
     } else {

@@ -290,6 +290,7 @@ static double outline_bound(const struct report_renderer *renderer)
 
 static void add_outlines(const struct report *report, struct text *page)
 {
+    char number[NUMBER_TEXT];
     int written = 0, beyond = 0;
     for (int i = 0; i < report->renderer_count; i++) {
         const struct report_renderer *renderer = &report->renderers[i];
@@ -309,8 +310,7 @@ static void add_outlines(const struct report *report, struct text *page)
         if (worse <= bound) continue;
         beyond++;
         text_add(page, " (<b class=\"bad\">beyond the bound of ");
-        add_number(page, bound * 100, "%");
-        text_add(page, "</b>)");
+        text_add(page, "%s\u00a0%%</b>)", short_text(bound * 100, number));
     }
     if (written) text_add(page, beyond ? " of the ground." : " of the ground: all within their bounds.");
 }
