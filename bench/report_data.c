@@ -40,6 +40,11 @@ const cJSON *json_at(const cJSON *item, const char *dotted)
     return item && !cJSON_IsNull(item) ? item : NULL;
 }
 
+const cJSON *json_first(const cJSON *item)
+{
+    return cJSON_IsArray(item) || cJSON_IsObject(item) ? item->child : NULL;
+}
+
 double json_number(const cJSON *item, const char *dotted)
 {
     const cJSON *found = json_at(item, dotted);
@@ -183,14 +188,14 @@ static bool collect_runs(struct report *report)
     report->runs = calloc((size_t)count + 1, sizeof *report->runs);
     report->renderers = calloc((size_t)count + 1, sizeof *report->renderers);
     if (!report->runs || !report->renderers) return false;
-    if (!cJSON_IsArray(runs)) return true;
-    cJSON_ArrayForEach(run, runs) if (cJSON_IsObject(run) && find_renderer(report, run_renderer(run)) < 0)
-        insert_renderer(report, run_renderer(run));
+    for (run = json_first(runs); run; run = run->next)
+        if (cJSON_IsObject(run) && find_renderer(report, run_renderer(run)) < 0)
+            insert_renderer(report, run_renderer(run));
     dress_renderers(report);
     for (int i = 0; i < report->renderer_count; i++)
-        cJSON_ArrayForEach(run, runs) if (cJSON_IsObject(run) &&
-                                          strcmp(run_renderer(run), report->renderers[i].name) == 0)
-            report->runs[report->run_count++] = make_run(run, i);
+        for (run = json_first(runs); run; run = run->next)
+            if (cJSON_IsObject(run) && strcmp(run_renderer(run), report->renderers[i].name) == 0)
+                report->runs[report->run_count++] = make_run(run, i);
     return true;
 }
 
@@ -198,10 +203,7 @@ static bool collect_runs(struct report *report)
 
 static const cJSON *entry_of(const cJSON *list, const char *renderer)
 {
-    const cJSON *entry;
-    if (!cJSON_IsArray(list)) return NULL;
-    cJSON_ArrayForEach(entry, list)
-    {
+    for (const cJSON *entry = json_first(list); entry; entry = entry->next) {
         const char *name = json_text(entry, "renderer");
         if (name && strcmp(name, renderer) == 0) return entry;
     }
@@ -212,10 +214,9 @@ static const cJSON *entry_of(const cJSON *list, const char *renderer)
 // that a run beside the sweep (a published form, another knob) does not bend the curve.
 static bool on_frontier(const cJSON *entry, const struct report_run *run)
 {
-    const cJSON *points = json_at(entry, "points"), *point;
+    const cJSON *points = json_at(entry, "points");
     if (!cJSON_IsArray(points)) return true;
-    cJSON_ArrayForEach(point, points)
-    {
+    for (const cJSON *point = json_first(points); point; point = point->next) {
         const char *name = json_text(point, "setting");
         if (name && strcmp(name, run->name) == 0) return true;
         if (!name && cJSON_Compare(json_at(point, "setting"), json_at(run->json, "setting"), true))

@@ -271,8 +271,8 @@ static void add_scene(const cJSON *root, struct text *page)
     add_figure_fact(page, ", voids filled ", json_number(root, "scene.voids_filled"), "");
     add_size(root, page);
     add_figure_fact(page, ", vertical field of view ", json_number(root, "scene.fov_vertical_deg"), "\u00b0");
-    if (cJSON_IsObject(effects)) cJSON_ArrayForEach(effect, effects)
-        {
+    if (cJSON_IsObject(effects))
+        for (effect = json_first(effects); effect; effect = effect->next) {
             add_fact(page, "; effect ", effect->string, "");
             add_fact(page, ": ",
                      cJSON_IsString(effect)  ? effect->valuestring

@@ -103,10 +103,9 @@ static void add_missing(struct missing_list *list, int run, const cJSON *json, c
 // A summary without a single number is missing as a whole: its parts need no lines of their own.
 static bool is_empty_summary(const cJSON *value)
 {
-    const cJSON *child;
     if (!cJSON_IsObject(value)) return false;
-    cJSON_ArrayForEach(child,
-                       value) if (!cJSON_IsNull(child) && strcmp(child->string, "samples") != 0) return false;
+    for (const cJSON *child = json_first(value); child; child = child->next)
+        if (!cJSON_IsNull(child) && strcmp(child->string, "samples") != 0) return false;
     return true;
 }
 
@@ -120,8 +119,7 @@ static void find_missing(struct missing_list *list, int run, const cJSON *json)
         if (!value || is_empty_summary(value))
             add_missing(list, run, json, name);
         else if (cJSON_IsObject(value))
-            cJSON_ArrayForEach(child, value)
-            {
+            for (child = json_first(value); child; child = child->next) {
                 if (!cJSON_IsNull(child) || strlen(name) + strlen(child->string) + 2 > sizeof field) continue;
                 strcpy(field, name);
                 strcat(strcat(field, "."), child->string);

@@ -81,6 +81,8 @@ void report_finish(struct report *report);
 
 // A value by its dotted name ("frame_ms.median"); NULL, NAN or NULL when absent, null or of another kind.
 const cJSON *json_at(const cJSON *item, const char *dotted);
+// The first child of an array or object, NULL of anything else: for (x = json_first(list); x; x = x->next).
+const cJSON *json_first(const cJSON *item);
 double json_number(const cJSON *item, const char *dotted);
 const char *json_text(const cJSON *item, const char *dotted);
 bool json_true(const cJSON *item, const char *dotted);

@@ -106,12 +106,12 @@ static void add_legend(struct text *page)
 static void add_pictured(const struct report *report, int renderer, struct text *page)
 {
     const struct report_run *run = pictured_run(report, renderer);
-    const cJSON *picture;
     if (!run) return;
     text_add(page, "<h3><span class=\"who\" style=\"--c:%s\">", report->renderers[renderer].colour);
     text_add_escaped(page, run->name);
     text_add(page, "</span></h3><div class=\"moments\">");
-    cJSON_ArrayForEach(picture, json_at(run->json, "pictures")) add_moment(report, picture, page);
+    for (const cJSON *picture = json_first(json_at(run->json, "pictures")); picture; picture = picture->next)
+        add_moment(report, picture, page);
     text_add(page, "</div>\n");
 }
 

@@ -13,8 +13,9 @@ static const cJSON *row_entry(const cJSON *row, const char *renderer)
 {
     const cJSON *child, *entry = cJSON_GetObjectItemCaseSensitive(row, renderer);
     if (entry || !cJSON_IsObject(row)) return entry;
-    cJSON_ArrayForEach(child, row) if (cJSON_IsObject(child) && (entry = cJSON_GetObjectItemCaseSensitive(
-                                                                     child, renderer))) return entry;
+    for (child = json_first(row); child; child = child->next)
+        if (cJSON_IsObject(child) && (entry = cJSON_GetObjectItemCaseSensitive(child, renderer)))
+            return entry;
     return NULL;
 }
 

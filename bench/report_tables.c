@@ -79,8 +79,7 @@ static void add_equal_table(const struct report *report, enum report_table table
     }
     text_add(page, "<th class=\"word\">%s</th></tr></thead><tbody>",
              error ? "fastest method" : "most accurate");
-    cJSON_ArrayForEach(row, rows)
-    {
+    for (row = json_first(rows); row; row = row->next) {
         text_add(page, "<tr><th>%s</th>", short_text(json_number(row, error ? "at_px" : "at_ms"), number));
         int count = report_standings(report, row, table, standings);
         bool clear = count == 1 || (count > 1 && report_clearly_better(&standings[0], &standings[1]));
@@ -104,9 +103,9 @@ static void add_against_brute(const struct report *report, struct text *page)
     const cJSON *rows = json_at(report->root, "against_brute"), *row;
     char number[NUMBER_TEXT];
     bool any = false;
-    if (!cJSON_IsArray(rows)) return;
-    cJSON_ArrayForEach(row, rows) for (int i = 0; i < report->renderer_count; i++) any |=
-        isfinite(json_number(row, report->renderers[i].name));
+    for (row = json_first(rows); row; row = row->next)
+        for (int i = 0; i < report->renderer_count; i++)
+            any |= isfinite(json_number(row, report->renderers[i].name));
     if (!any) return;
     text_add(page,
              "<h3>Against the whole mesh</h3><p>Frame time as a share of brute\u2019s, at equal <b>mean</b> "
@@ -119,8 +118,7 @@ static void add_against_brute(const struct report *report, struct text *page)
         text_add(page, "</th>");
     }
     text_add(page, "</tr></thead><tbody>");
-    cJSON_ArrayForEach(row, rows)
-    {
+    for (row = json_first(rows); row; row = row->next) {
         text_add(page, "<tr><th>%s</th>", short_text(json_number(row, "at_mean_px"), number));
         for (int i = 0; i < report->renderer_count; i++)
             if (stands_in_tables(&report->renderers[i]))
@@ -271,8 +269,7 @@ static void add_counters(const cJSON *counters, struct text *page)
     if (!cJSON_IsObject(counters))
         text_add(page, "\u2013");
     else
-        cJSON_ArrayForEach(counter, counters)
-        {
+        for (counter = json_first(counters); counter; counter = counter->next) {
             if (written++) text_add(page, " \u00b7 ");
             text_add_escaped(page, counter->string);
             text_add(page, " %s", number_text(json_number(counter, ""), number));

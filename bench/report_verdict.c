@@ -75,9 +75,7 @@ static const cJSON *row_nearest_1px(const struct report *report, struct standing
 {
     const cJSON *rows = json_at(report->root, "equal_error"), *row, *best = NULL;
     double nearest = INFINITY;
-    if (!cJSON_IsArray(rows)) return NULL;
-    cJSON_ArrayForEach(row, rows)
-    {
+    for (row = json_first(rows); row; row = row->next) {
         double distance = fabs(log(json_number(row, "at_px")));
         if (!(distance < nearest) || report_standings(report, row, EQUAL_ERROR, standings) == 0) continue;
         nearest = distance;
@@ -420,8 +418,7 @@ static void add_other_rows(const struct report *report, const cJSON *main_row, s
     const cJSON *rows = json_at(report->root, "equal_error"), *row;
     int written = 0;
     if (!main_row) return;
-    cJSON_ArrayForEach(row, rows)
-    {
+    for (row = json_first(rows); row; row = row->next) {
         double at_px = json_number(row, "at_px");
         if (row == main_row || !(at_px >= 0.25 && at_px <= 4)) continue;
         int count = report_standings(report, row, EQUAL_ERROR, standings);
