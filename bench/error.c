@@ -59,7 +59,8 @@ struct measuring {
     const struct truth *truth;
     const float *positions;
     const struct places *hits;
-    double eye_q; // the eye's height in quanta, exact
+    double eye_q;       // the eye's height in quanta, exact
+    double diagonal_px; // of the window
     atomic_ullong unmeasured, order_mismatches, uncovered, beyond_window;
 };
 
@@ -118,9 +119,9 @@ static double plane_distance_px(const struct view *view, const struct truth_pixe
     return view->pixels_per_tangent * fabs(height) / (sqrt(1 + east * east + north * north) * truth->depth);
 }
 
-static double diagonal_px(const struct frame_error *error)
+bool frame_error_other_surface(double plane_px, double drawn_depth, double truth_depth)
 {
-    return hypot(error->width, error->height);
+    return plane_px > 0.5 && fabs(drawn_depth - truth_depth) > 1e-3 * truth_depth;
 }
 
 static void measure_ground(struct measuring *m, size_t pixel, size_t hit)
@@ -140,8 +141,8 @@ static void measure_ground(struct measuring *m, size_t pixel, size_t hit)
     double error_px = fmax(a_px, b_px),
            depth = forward[0] * drawn[0] + forward[1] * drawn[1] + forward[2] * drawn[2];
     if (!a && !b) m->unmeasured++;
-    if (error_px > diagonal_px(m->error)) m->beyond_window++;
-    if (plane_px > 0.5 && fabs(depth - truth->depth) > 1e-3 * truth->depth) m->order_mismatches++;
+    if (error_px > m->diagonal_px) m->beyond_window++;
+    if (frame_error_other_surface(plane_px, depth, truth->depth)) m->order_mismatches++;
     m->error->error_px[pixel] = a || b ? (float)error_px : NAN;
     m->error->plane_px[pixel] = (float)plane_px;
     m->error->kind[pixel] = PIXEL_GROUND;
@@ -275,18 +276,10 @@ void frame_error_measure(struct frame_error *error, const struct terrain *terrai
                          const struct truth *truth, const float *positions, const struct places *hits,
                          int threads)
 {
-    struct measuring m = {error,
-                          terrain,
-                          terrain_info(terrain),
-                          view,
-                          truth,
-                          positions,
-                          hits,
-                          ldexp((double)view->eye_height, -VIEW_HEIGHT_BITS),
-                          0,
-                          0,
-                          0,
-                          0};
+    struct measuring m = {.error = error, .terrain = terrain, .info = terrain_info(terrain), .view = view};
+    m.truth = truth, m.positions = positions, m.hits = hits;
+    m.eye_q = ldexp((double)view->eye_height, -VIEW_HEIGHT_BITS);
+    m.diagonal_px = hypot(error->width, error->height);
     parallel_blocks((error->height + ROWS_A_BLOCK - 1) / ROWS_A_BLOCK, threads, measure_rows, &m);
     open_regions(error);
     for (int x = 0; x < error->width; x++) measure_skyline(error, x, view->up[2] >= 0);

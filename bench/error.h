@@ -56,6 +56,9 @@ void frame_error_measure(struct frame_error *error, const struct terrain *terrai
                          const struct truth *truth, const float *positions, const struct places *hits,
                          int threads);
 
+// Whether a drawn point belongs to another surface than the truth's hit in its pixel: the order mismatch.
+bool frame_error_other_surface(double plane_px, double drawn_depth, double truth_depth);
+
 // Index over the truth's hits: one place for each ground pixel, in pixel order.  NULL after one line on
 // stderr.
 struct places *truth_places(const struct truth *truth, int threads);
