@@ -26,7 +26,7 @@ static void name_setting(struct setting *setting)
                 length += (size_t)snprintf(setting->id + length, sizeof setting->id - length, " %s=%s",
                                            type->knobs[k].name, text);
         }
-    snprintf(setting->slug, sizeof setting->slug, "%s", setting->id);
+    memcpy(setting->slug, setting->id, sizeof setting->slug);
     for (char *c = setting->slug; *c; c++)
         if (*c == ' ' || *c == '=' || *c == '/') *c = '_';
 }

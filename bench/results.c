@@ -390,16 +390,18 @@ static void add_agreement(cJSON *root, const struct run *run)
     for (int s = 0; s < run->setting_count; s++) {
         struct setting *setting = (struct setting *)&run->settings[s];
         if (setting->type != &brute_renderer || !setting->measured) continue;
-        double coverage = 0, order = 0;
+        double coverage = 0, order = 0, beyond = 0;
         for (int i = 0; i < setting->frame_count; i++) {
             const struct frame_record *record = &setting->records[i];
             coverage = fmax(coverage, record->holes + record->misses + record->spills);
             order = fmax(order, record->order_mismatches);
+            beyond = fmax(beyond, record->order_beyond_grid);
         }
         cJSON *json = cJSON_AddObjectToObject(root, "agreement");
         add_number(json, "plane_px_p999", error_samples_summary(&setting->plane_px).p999);
         cJSON_AddNumberToObject(json, "coverage_mismatch_max", coverage);
-        cJSON_AddNumberToObject(json, "order_mismatch_max", order);
+        cJSON_AddNumberToObject(json, "order_mismatch_max", beyond);
+        cJSON_AddNumberToObject(json, "order_mismatch_with_snapping_max", order);
         cJSON_AddNumberToObject(json, "pixels", (double)run->scene->width * run->scene->height);
         cJSON_AddNumberToObject(json, "frames", setting->frame_count);
         return;

@@ -40,7 +40,7 @@ struct frame_record {
         roofline_ms; // times: minimum over repeats
     double triangles, visible_triangles, draw_calls, upload_bytes;
     double error_px_mean, error_px_p999, error_px_max, temporal_px_p999;
-    double ground, holes, misses, spills, order_mismatches;
+    double ground, holes, misses, spills, order_mismatches, order_beyond_grid;
 };
 
 // One column of times: repeat after repeat, frame after frame.

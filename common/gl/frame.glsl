@@ -3,7 +3,7 @@ layout(std140) uniform frame {
     mat4 clip_from_relative; // reversed depth: z = near, w = depth
     vec4 outline;            // exact outline of the map relative to the eye: x_min, y_min, x_max, y_max
     vec4 height;             // x: eye height in quanta, integer part; y: its fraction; z: metres per quantum; w: eye z, metres
-    vec4 shade;              // x: lowest height of the map, metres; y: 1 / (highest - lowest); z, w: unused
+    vec4 shade;              // x: lowest height of the map, metres; y: 1 / (highest - lowest); z, w: the view's width and height in pixels
 };
 
 // Height in quanta (an integer, or a blend of integers) to metres relative to the eye.

@@ -64,7 +64,7 @@ struct gpu_counters gpu_counters(const struct gpu *gpu);
 enum render_pass {
     PASS_SHADED,   // colour, with the scene's shading
     PASS_POSITION, // RGBA32F: xyz camera-relative position, w = +1 front facing (seen from above), -1 back
-                   // facing; cleared to 0
+                   // facing by more than the sub-pixel grid can turn around; cleared to 0
     PASS_DEPTH,    // depth only
     PASS_COUNT
 };

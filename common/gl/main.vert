@@ -1,4 +1,7 @@
 // The end of every vertex program: the renderer's position, kept for capture and measuring, and its place on the screen.
+#ifdef PASS_POSITION
+#define v_relative v_corner // side.geom stands between this and the fragments
+#endif
 invariant gl_Position;
 out vec3 v_relative;
 

@@ -97,6 +97,13 @@ static GLuint compile_vertex(const char *vertex_file, const char *defines, enum 
     return compile(GL_VERTEX_SHADER, &source);
 }
 
+static GLuint compile_side(void)
+{
+    struct source source = {.pieces = 0};
+    if (!add_file(&source, "common/gl/frame.glsl") || !add_file(&source, "common/gl/side.geom")) return 0;
+    return compile(GL_GEOMETRY_SHADER, &source);
+}
+
 static GLuint compile_fragment(enum render_pass pass)
 {
     struct source source = {.pieces = 0};
@@ -107,15 +114,13 @@ static GLuint compile_fragment(enum render_pass pass)
     return compile(GL_FRAGMENT_SHADER, &source);
 }
 
-static bool link_program(GLuint name, GLuint vertex, GLuint fragment, const char *vertex_file)
+static bool link_program(GLuint name, const GLuint *shaders, int count, const char *vertex_file)
 {
     static const char *const captured = "v_relative";
-    glAttachShader(name, vertex);
-    glAttachShader(name, fragment);
+    for (int i = 0; i < count; i++) glAttachShader(name, shaders[i]);
     glTransformFeedbackVaryings(name, 1, &captured, GL_INTERLEAVED_ATTRIBS);
     glLinkProgram(name);
-    glDetachShader(name, vertex);
-    glDetachShader(name, fragment);
+    for (int i = 0; i < count; i++) glDetachShader(name, shaders[i]);
     GLint good;
     glGetProgramiv(name, GL_LINK_STATUS, &good);
     if (!good) {
@@ -132,14 +137,16 @@ bool gpu_program_build(struct gpu *gpu, struct gpu_program *program, const char 
 {
     (void)gpu, (void)effects; // SCENE_SHADING_COMMON is the only shading so far
     *program = (struct gpu_program){.pass = pass};
-    GLuint vertex = compile_vertex(vertex_file, defines, pass);
-    GLuint fragment = vertex ? compile_fragment(pass) : 0;
-    if (vertex && fragment) {
+    GLuint shaders[3] = {0};
+    int count = 0;
+    bool good = (shaders[count++] = compile_vertex(vertex_file, defines, pass)) != 0;
+    good = good && (shaders[count++] = compile_fragment(pass)) != 0;
+    if (pass == PASS_POSITION) good = good && (shaders[count++] = compile_side()) != 0;
+    if (good) {
         program->name = glCreateProgram();
-        if (!link_program(program->name, vertex, fragment, vertex_file)) gpu_program_finish(program);
+        if (!link_program(program->name, shaders, count, vertex_file)) gpu_program_finish(program);
     }
-    glDeleteShader(vertex);
-    glDeleteShader(fragment);
+    for (int i = 0; i < count; i++) glDeleteShader(shaders[i]);
     return program->name != 0;
 }
 
@@ -202,6 +209,7 @@ void gpu_set_view(struct gpu *gpu, const struct terrain *terrain, const struct v
     frame.shade[0] = (float)(info->offset_m + info->quantum_m * info->min_q);
     frame.shade[1] =
         info->max_q > info->min_q ? (float)(1 / (info->quantum_m * ((double)info->max_q - info->min_q))) : 0;
-    frame.shade[2] = frame.shade[3] = 0;
+    frame.shade[2] = (float)view->width;
+    frame.shade[3] = (float)view->height;
     gpu_set_frame(gpu, &frame);
 }

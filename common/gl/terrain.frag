@@ -25,12 +25,15 @@ void main()
     colour = vec4(ramp(sqrt(clamp(t, 0.0, 1.0))) * light, 1.0); // the root spreads the lowlands, where most ground is
 }
 #elif defined(PASS_POSITION)
+noperspective in vec3 v_edge_px; // side.geom
+const float SNAP_PX = 1.4142136 / 256.0;
 layout(location = 0) out vec4 position_and_side;
 
 void main()
 {
     if (outside_map()) discard;
-    position_and_side = vec4(v_relative, gl_FrontFacing ? 1.0 : -1.0);
+    float inside_px = min(v_edge_px.x, min(v_edge_px.y, v_edge_px.z));
+    position_and_side = vec4(v_relative, inside_px > SNAP_PX ? -1.0 : 1.0);
 }
 #else
 void main()
