@@ -8,7 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { KNOB_N, KNOB_TRANSITION, KNOB_ALPHA, KNOB_STITCH, KNOB_FADE, KNOB_CULL };
+enum { KNOB_N, KNOB_TRANSITION, KNOB_ALPHA, KNOB_STITCH, KNOB_FADE, KNOB_CULL, KNOB_FACES };
 
 enum { N_MIN = 15, N_MAX = 1023 };
 
@@ -17,13 +17,16 @@ static const struct renderer_knob knobs[] = {
     {"transition", "width of the morph to the coarser level, as a share of n", 0.1, 0, 0.5, NULL},
     {"alpha", "morph parameter: as published, or right for cropped regions too", CLIPMAP_ALPHA_STABLE, 0, 1,
      "published|stable"},
-    {"stitch", "how T-junctions between levels are closed", 1, 0, 1, "none|zero-area"},
+    {"stitch",
+     "how T-junctions between levels are closed: not, as published, or by splitting the coarse edges",
+     CLIPMAP_STITCH_SPLIT, 0, 2, "none|zero-area|split"},
     {"fade", "fade a level before the viewer's height switches it off", 1, 0, 1, "off|on"},
     {"cull", "draw only blocks that the frustum meets", 1, 0, 1, "off|on"},
+    {"faces", "draw both sides of the surface, or only the one seen from above", 1, 0, 1, "both|front"},
     {NULL, NULL, 0, 0, 0, NULL},
 };
 
-static const double quick_n[] = {31, 63, 127, 255, NAN};
+static const double quick_n[] = {63, 127, 255, 383, NAN};
 static const double full_n[] = {15, 31, 47, 63, 95, 127, 191, 255, 383, 511, NAN};
 
 enum { HEIGHTS_UNIT = 0 };
@@ -50,11 +53,12 @@ struct clipmap {
     const struct terrain *terrain;
     struct clipmap_shape shape;
     struct clipmap_choice choice;
+    bool front_only; // back faces are culled
     struct clipmap_mesh mesh;
     struct clipmap_scratch scratch;
     struct clipmap_view views[RENDERER_MAX_VIEWS]; // each is made when it is first used
     int view_count;
-    struct clipmap_program programs[PASS_COUNT];
+    struct clipmap_program programs[PASS_COUNT], split_programs[PASS_COUNT];
     GLuint indices;
 };
 
@@ -203,6 +207,9 @@ static void set_level(const struct clipmap *c, const struct clipmap_program *pro
 static void draw_some(const struct clipmap *c, const struct clipmap_program *program,
                       const struct clipmap_view *view, int first, int end)
 {
+    if (first == end) return;
+    gpu_use_program(c->gpu, &program->program);
+    glUniform1i(program->heights, HEIGHTS_UNIT);
     for (int i = first, level = -1; i < end; i++) {
         const struct clipmap_draw *draw = &view->selection.draws[i];
         const struct clipmap_list *list = &c->mesh.lists[draw->kind];
@@ -218,17 +225,17 @@ static void draw(struct renderer *renderer, int view_index, enum render_pass pas
 {
     struct clipmap *c = (struct clipmap *)renderer;
     const struct clipmap_view *view = &c->views[view_index];
-    const struct clipmap_program *program = &c->programs[pass];
-    gpu_use_program(c->gpu, &program->program);
-    glUniform1i(program->heights, HEIGHTS_UNIT);
+    bool split = c->choice.stitch == CLIPMAP_STITCH_SPLIT;
+    int draws = view->selection.draw_count, blocks = draws - view->selection.stitch_draws;
     glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
     glBindTexture(GL_TEXTURE_2D_ARRAY, view->heights);
     glBindVertexArray(view->vertex_array);
     glBindBuffer(GL_ARRAY_BUFFER, view->corners);
-    int blocks = view->selection.draw_count - view->selection.stitch_draws;
-    draw_some(c, program, view, 0, blocks);
-    glEnable(GL_CULL_FACE);
-    draw_some(c, program, view, blocks, view->selection.draw_count);
+    if (c->front_only) glEnable(GL_CULL_FACE);
+    draw_some(c, &c->programs[pass], view, 0, blocks);
+    if (!split)
+        glDisable(GL_CULL_FACE); // a triangle of no area fills a dropped pixel whichever way it seems to face
+    draw_some(c, split ? &c->split_programs[pass] : &c->programs[pass], view, blocks, draws);
     glDisable(GL_CULL_FACE);
 }
 
@@ -260,22 +267,30 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
 // ---- creation
 // ---------------------------------------------------------------------------------------------------
 
+static bool build_program(struct clipmap *c, struct clipmap_program *p, const char *defines,
+                          const struct scene_effects *effects, enum render_pass pass)
+{
+    if (!gpu_program_build(c->gpu, &p->program, "clipmap/clipmap.vert", defines, effects, pass)) return false;
+    p->heights = glGetUniformLocation(p->program.name, "heights");
+    p->slot = glGetUniformLocation(p->program.name, "slot");
+    p->place = glGetUniformLocation(p->program.name, "place");
+    p->sides = glGetUniformLocation(p->program.name, "sides");
+    p->morph = glGetUniformLocation(p->program.name, "morph");
+    return true;
+}
+
 static bool build_programs(struct clipmap *c, const struct scene_effects *effects)
 {
-    char defines[96];
+    const char *alpha = c->shape.rules.alpha == CLIPMAP_ALPHA_PUBLISHED ? "#define PUBLISHED_ALPHA\n" : "";
+    char defines[96], split_defines[96];
     snprintf(defines, sizeof defines, "#define SIZE %d\n#define ROW %d\n%s", c->shape.size, CLIPMAP_ROW,
-             c->shape.rules.alpha == CLIPMAP_ALPHA_PUBLISHED ? "#define PUBLISHED_ALPHA\n" : "");
-    for (int pass = 0; pass < PASS_COUNT; pass++) {
-        struct clipmap_program *p = &c->programs[pass];
-        if (!gpu_program_build(c->gpu, &p->program, "clipmap/clipmap.vert", defines, effects,
-                               (enum render_pass)pass))
+             alpha);
+    snprintf(split_defines, sizeof split_defines, "#define SIZE %d\n#define ROW %d\n#define SPLIT\n%s",
+             c->shape.size, CLIPMAP_HALF_ROW, alpha);
+    for (int pass = 0; pass < PASS_COUNT; pass++)
+        if (!build_program(c, &c->programs[pass], defines, effects, (enum render_pass)pass) ||
+            !build_program(c, &c->split_programs[pass], split_defines, effects, (enum render_pass)pass))
             return false;
-        p->heights = glGetUniformLocation(p->program.name, "heights");
-        p->slot = glGetUniformLocation(p->program.name, "slot");
-        p->place = glGetUniformLocation(p->program.name, "place");
-        p->sides = glGetUniformLocation(p->program.name, "sides");
-        p->morph = glGetUniformLocation(p->program.name, "morph");
-    }
     return true;
 }
 
@@ -288,7 +303,9 @@ static bool set_shape(struct clipmap *c, const double *values)
                                   .transition = values[KNOB_TRANSITION],
                                   .alpha = (enum clipmap_alpha)values[KNOB_ALPHA],
                                   .fade = values[KNOB_FADE] != 0};
-    c->choice = (struct clipmap_choice){.cull = values[KNOB_CULL] != 0, .stitch = values[KNOB_STITCH] != 0};
+    c->choice = (struct clipmap_choice){.cull = values[KNOB_CULL] != 0,
+                                        .stitch = (enum clipmap_stitch)values[KNOB_STITCH]};
+    c->front_only = values[KNOB_FACES] != 0;
     const struct terrain_info *info = terrain_info(c->terrain);
     struct terrain_level finest = terrain_level(c->terrain, info->finest);
     clipmap_shape_init(&c->shape, &rules, info->coarsest - info->finest + 1, &finest.extent,
@@ -303,7 +320,10 @@ static void destroy(struct renderer *renderer)
 {
     struct clipmap *c = (struct clipmap *)renderer;
     if (!c) return;
-    for (int pass = 0; pass < PASS_COUNT; pass++) gpu_program_finish(&c->programs[pass].program);
+    for (int pass = 0; pass < PASS_COUNT; pass++) {
+        gpu_program_finish(&c->programs[pass].program);
+        gpu_program_finish(&c->split_programs[pass].program);
+    }
     for (int i = 0; i < RENDERER_MAX_VIEWS; i++) destroy_view(&c->views[i]);
     if (c->indices) glDeleteBuffers(1, &c->indices);
     clipmap_mesh_finish(&c->mesh);

@@ -12,8 +12,6 @@ struct culler {
     const struct view_origin *eye;
     struct frustum frustum;
     double spacing_m[2], quantum_m, eye_q;
-    unsigned mask; // planes worth testing for the level in work
-    bool outside;  // the whole level is
 };
 
 bool clipmap_selection_init(struct clipmap_selection *selection, const struct clipmap_shape *shape)
@@ -37,31 +35,34 @@ void clipmap_selection_finish(struct clipmap_selection *selection)
     *selection = (struct clipmap_selection){.corners = NULL};
 }
 
-static enum frustum_side test_box(const struct culler *culler, const struct clipmap_box *box, unsigned *mask)
+static unsigned enter_box(void *user, const struct clipmap_box *box, unsigned planes)
 {
+    const struct culler *culler = user;
     struct clipmap_range range = clipmap_store_range(culler->store, box);
     double low[3], high[3];
     for (int axis = 0; axis < 2; axis++) {
-        double base = (double)culler->eye->fraction[axis];
-        low[axis] = ((double)(box->lo[axis] - culler->eye->base[axis]) - base) * culler->spacing_m[axis];
-        high[axis] = ((double)(box->hi[axis] - culler->eye->base[axis]) - base) * culler->spacing_m[axis];
+        double fraction = (double)culler->eye->fraction[axis];
+        low[axis] = ((double)(box->lo[axis] - culler->eye->base[axis]) - fraction) * culler->spacing_m[axis];
+        high[axis] = ((double)(box->hi[axis] - culler->eye->base[axis]) - fraction) * culler->spacing_m[axis];
     }
     low[2] = (range.low - culler->eye_q) * culler->quantum_m;
     high[2] = (range.high - culler->eye_q) * culler->quantum_m;
-    return frustum_test_box(&culler->frustum, low, high, mask);
+    if (frustum_test_box(&culler->frustum, low, high, &planes) == FRUSTUM_OUTSIDE) return CLIPMAP_LEAVE;
+    return planes;
 }
 
-static void take_piece(void *user, const struct clipmap_piece *piece)
+static void take_block(void *user, const struct clipmap_piece *piece, unsigned planes)
 {
-    struct culler *culler = user;
-    struct clipmap_selection *selection = culler->selection;
+    struct clipmap_selection *selection = ((struct culler *)user)->selection;
+    (void)planes; // enter_box has seen the block itself
+    selection->pieces[selection->piece_count++] = *piece;
+}
+
+static void take_stitch(void *user, const struct clipmap_piece *piece, unsigned planes)
+{
     struct clipmap_box box = {{piece->corner[0], piece->corner[1]},
                               {piece->corner[0] + piece->extent[0], piece->corner[1] + piece->extent[1]}};
-    unsigned mask = culler->mask;
-    if (culler->outside || (mask && test_box(culler, &box, &mask) == FRUSTUM_OUTSIDE))
-        selection->culled++;
-    else
-        selection->pieces[selection->piece_count++] = *piece;
+    if (!planes || enter_box(user, &box, planes) != CLIPMAP_LEAVE) take_block(user, piece, planes);
 }
 
 // Groups the pieces of a level by list, in the order in which they were cut: one draw a list.
@@ -86,25 +87,28 @@ static void add_draws(struct clipmap_selection *selection, int level, const stru
     }
 }
 
-// Looks at a level as a whole: most are crossed by few planes, and some lie outside.
-static bool begin_level(struct culler *culler, const struct clipmap_choice *choice,
-                        const struct clipmap_region *region, const struct clipmap_store *store,
-                        const struct view_origin *eye)
+// False when the level draws nothing.
+static bool begin_level(struct culler *culler, const struct clipmap_region *region,
+                        const struct clipmap_store *store, const struct view_origin *eye)
 {
     culler->selection->piece_count = 0;
     if (clipmap_box_is_empty(&region->active)) return false;
     // An eye so far away sees nothing of the map, and corners are 32-bit.
     for (int axis = 0; axis < 2; axis++)
         if (llabs(region->active.lo[axis] - eye->base[axis]) > INT64_C(1) << 30) return false;
-    const struct terrain_info *info = terrain_info(store->terrain);
     culler->store = store;
     culler->eye = eye;
     for (int axis = 0; axis < 2; axis++)
         culler->spacing_m[axis] = terrain_level(store->terrain, store->level).spacing_m[axis];
-    culler->quantum_m = info->quantum_m;
-    culler->mask = choice->cull ? FRUSTUM_ALL : 0;
-    culler->outside = choice->cull && test_box(culler, &region->active, &culler->mask) == FRUSTUM_OUTSIDE;
+    culler->quantum_m = terrain_info(store->terrain)->quantum_m;
     return true;
+}
+
+static void clear(struct clipmap_selection *selection)
+{
+    selection->corner_count = selection->draw_count = selection->stitch_draws = 0;
+    selection->levels = selection->blocks = selection->culled = 0;
+    selection->triangles = 0;
 }
 
 void clipmap_select(struct clipmap_selection *selection, const struct clipmap_shape *shape,
@@ -118,20 +122,22 @@ void clipmap_select(struct clipmap_selection *selection, const struct clipmap_sh
     view_eye_quanta(view, &eye_base, &eye_fraction);
     culler.eye_q = (double)eye_base + (double)eye_fraction;
     frustum_init(&culler.frustum, view);
-    selection->corner_count = selection->draw_count = selection->stitch_draws = 0;
-    selection->levels = selection->blocks = selection->culled = 0;
-    selection->triangles = 0;
+    clear(selection);
+    unsigned planes = choice->cull ? FRUSTUM_ALL : 0;
     for (int k = 0; k < shape->levels; k++) {
-        if (!begin_level(&culler, choice, &regions[k], &stores[k], &eyes[k])) continue;
-        clipmap_cut_blocks(&regions[k], k > 0 ? &regions[k - 1] : NULL, take_piece, &culler);
-        add_draws(selection, k, &eyes[k], mesh);
-        selection->blocks += selection->piece_count;
+        const struct clipmap_taker taker = {enter_box, take_block, &culler, planes};
+        if (!begin_level(&culler, &regions[k], &stores[k], &eyes[k])) continue;
+        int all = clipmap_cut_blocks(&regions[k], k > 0 ? &regions[k - 1] : NULL, choice->stitch, &taker);
         selection->levels++;
+        selection->blocks += selection->piece_count;
+        selection->culled += all - selection->piece_count;
+        add_draws(selection, k, &eyes[k], mesh);
     }
     int block_draws = selection->draw_count;
-    for (int k = 0; choice->stitch && k < shape->levels; k++) {
-        if (!begin_level(&culler, choice, &regions[k], &stores[k], &eyes[k])) continue;
-        clipmap_cut_stitches(&regions[k], take_piece, &culler);
+    for (int k = 0; k < shape->levels; k++) {
+        const struct clipmap_taker taker = {NULL, take_stitch, &culler, planes};
+        if (!begin_level(&culler, &regions[k], &stores[k], &eyes[k])) continue;
+        clipmap_cut_stitches(&regions[k], k > 0 ? &regions[k - 1] : NULL, choice->stitch, &taker);
         add_draws(selection, k, &eyes[k], mesh);
     }
     selection->stitch_draws = selection->draw_count - block_draws;

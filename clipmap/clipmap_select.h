@@ -9,7 +9,8 @@
 #include "common/view/frustum.h"
 
 struct clipmap_choice {
-    bool cull, stitch;
+    bool cull;
+    enum clipmap_stitch stitch;
 };
 
 struct clipmap_selection {
@@ -20,7 +21,7 @@ struct clipmap_selection {
         int level, kind, first, count;
     } * draws;                    // blocks of all levels, fine to coarse, then stitches likewise
     int draw_count, stitch_draws; // the last `stitch_draws` draws are stitches
-    int levels, blocks, culled;   // levels drawn, blocks drawn, blocks and stitches culled
+    int levels, blocks, culled;   // levels drawn, blocks drawn, blocks culled
     uint64_t triangles;
 
     int capacity;

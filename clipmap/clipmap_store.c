@@ -136,10 +136,17 @@ uint64_t clipmap_store_move(struct clipmap_store *store, const struct clipmap_bo
 struct clipmap_range clipmap_store_range(const struct clipmap_store *store, const struct clipmap_box *box)
 {
     struct clipmap_range range = {INT32_MAX, INT32_MIN};
-    for (int64_t y = clipmap_floor_div(box->lo[1], TILE); y * TILE <= box->hi[1]; y++) {
-        const struct clipmap_tile *row = &store->bounds[clipmap_slot(y, store->tiles) * store->tiles];
-        for (int64_t x = clipmap_floor_div(box->lo[0], TILE); x * TILE <= box->hi[0]; x++)
-            widen(&range, row[clipmap_slot(x, store->tiles)].range);
+    int64_t first[2], end[2];
+    for (int axis = 0; axis < 2; axis++) {
+        first[axis] = clipmap_floor_div(box->lo[axis], TILE);
+        end[axis] = clipmap_floor_div(box->hi[axis], TILE) + 1;
+    }
+    int from = clipmap_slot(first[0], store->tiles), row = clipmap_slot(first[1], store->tiles);
+    for (int64_t y = first[1]; y < end[1]; y++, row = row + 1 == store->tiles ? 0 : row + 1) {
+        const struct clipmap_tile *tiles = store->bounds + (size_t)row * (size_t)store->tiles;
+        int column = from;
+        for (int64_t x = first[0]; x < end[0]; x++, column = column + 1 == store->tiles ? 0 : column + 1)
+            widen(&range, tiles[column].range);
     }
     return range;
 }
