@@ -6,7 +6,7 @@
 // split along the diagonal (i, j)-(i+1, j+1), so that triangles of a coarse level are unions of fine ones.
 // Where a neighbour is finer, the missing vertices are ADDED to the shared edge: the border triangle that
 // owns the edge becomes a fan.  A neighbour that is coarser adapts itself, so it counts as "same level", and
-// so does a neighbour that is not drawn or not there.
+// so does a neighbour that is not drawn.
 //
 // Sets: sum of k^4 for k = 1..bits (354 for 17 x 17).  Every set covers the tile exactly once,
 // counter-clockwise seen from above. SPDX-License-Identifier: MIT

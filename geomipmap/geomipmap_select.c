@@ -240,9 +240,11 @@ static struct geomipmap_cover cover_at(const struct scan *scan, const struct fri
 }
 
 // The smallest step along one side of a tile, its own and its neighbours'; those not drawn ask for nothing.
+// The edge of the map stands against the sky wherever it is seen, so it gets every sample that the tile has.
 static int side_step(const struct scan *scan, struct geomipmap_place place, int own, enum geomipmap_side side)
 {
     struct fringe fringe = tile_fringe(scan, place, side);
+    if (fringe.count == 0) return place.height;
     for (int n = 0; n < fringe.count; n++) {
         int step = cover_at(scan, &fringe, n).step;
         own = step < own ? step : own; // GEOMIPMAP_NOTHING is larger than any step

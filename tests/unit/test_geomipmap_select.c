@@ -1,43 +1,21 @@
 // What is selected of a view: nothing visible is missing, borders agree, and the claim holds for everything
 // that is seen. SPDX-License-Identifier: MIT
 #include "geomipmap/geomipmap_select.h"
-#include "tests/test.h"
+#include "tests/unit/test_geomipmap.h"
 
 #include <string.h>
 
-enum { SIDE = 257 };
-
-// Midpoint displacement over a square map.
 static struct terrain *make_fractal(uint64_t seed, double height_m)
 {
-    static double z[SIDE * SIDE];
-    static int32_t samples[SIDE * SIDE];
-    double amplitude = height_m;
-    memset(z, 0, sizeof z);
-    for (int step = SIDE - 1; step >= 1; step /= 2, amplitude *= 0.55)
-        for (int j = 0; j < SIDE; j += step)
-            for (int i = 0; i < SIDE; i += step) {
-                int a = i / (2 * step) * 2 * step, b = j / (2 * step) * 2 * step;
-                int c = i == a ? a : a + 2 * step, d = j == b ? b : b + 2 * step;
-                if (step < SIDE - 1 && i == a && j == b) continue;
-                double mean =
-                    step == SIDE - 1
-                        ? 0
-                        : (z[b * SIDE + a] + z[b * SIDE + c] + z[d * SIDE + a] + z[d * SIDE + c]) / 4;
-                z[j * SIDE + i] = mean + test_uniform(&seed, -amplitude, amplitude);
-            }
-    for (int k = 0; k < SIDE * SIDE; k++) samples[k] = (int32_t)lround(z[k] / 0.1);
-    const struct terrain_grid grid = {.name = "fractal",
-                                      .samples = samples,
-                                      .width = SIDE,
-                                      .height = SIDE - 20,
-                                      .first = {-100, -30},
-                                      .spacing_m = {30, 20},
-                                      .quantum_m = 0.1,
-                                      .offset_m = 12};
-    struct terrain *terrain = terrain_from_grid(&grid, &(struct terrain_options){0});
-    assert_non_null(terrain);
-    return terrain;
+    const struct test_map map = {.width = 257,
+                                 .height = 237,
+                                 .first = {-100, -30},
+                                 .spacing_m = {30, 20},
+                                 .quantum_m = 0.1,
+                                 .offset_m = 12,
+                                 .height_m = height_m,
+                                 .rough = 0.55};
+    return test_fractal(&map, seed);
 }
 
 static struct view random_view(const struct terrain *terrain, uint64_t *seed)

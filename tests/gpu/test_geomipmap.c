@@ -1,0 +1,528 @@
+// GeoMipMaps as drawn: every vertex is a sample of the terrain, the mesh is watertight, the picture does not
+// depend on culling or on how large the cache may be, and the claim holds. SPDX-License-Identifier: MIT
+#include "tests/unit/test_geomipmap.h"
+#include "bench/error.h"
+#include "geomipmap/geomipmap.h"
+
+#include <string.h>
+
+enum { WIDTH = 320, HEIGHT = 240, PIXELS = WIDTH * HEIGHT };
+
+static const struct scene_effects effects = {SCENE_SHADING_COMMON};
+
+struct fixture {
+    struct gpu *gpu;
+    struct gpu_target target;
+    float *pixels;
+};
+
+static int setup(void **state)
+{
+    struct fixture *f = calloc(1, sizeof *f);
+    *state = f;
+    f->gpu = gpu_create(GPU_OFFSCREEN, 0, 0, "test", 0);
+    if (!f->gpu || !gpu_target_init(f->gpu, &f->target, WIDTH, HEIGHT, GL_RGBA32F)) return -1;
+    f->pixels = malloc(PIXELS * 4 * sizeof *f->pixels);
+    return f->pixels ? 0 : -1;
+}
+
+static int teardown(void **state)
+{
+    struct fixture *f = *state;
+    uint64_t errors = gpu_debug_errors(f->gpu);
+    gpu_target_finish(&f->target);
+    gpu_destroy(f->gpu);
+    free(f->pixels);
+    free(f);
+    return errors ? -1 : 0;
+}
+
+static const struct test_map hills = {.width = 401,
+                                      .height = 333,
+                                      .first = {-170, -90},
+                                      .spacing_m = {30, 20},
+                                      .quantum_m = 0.1,
+                                      .offset_m = 12,
+                                      .height_m = 700,
+                                      .rough = 0.5};
+
+// settings: "tau=2 cull=off"; the rest as by default.
+static struct renderer *create(const struct fixture *f, const struct terrain *terrain, const char *settings)
+{
+    struct renderer_desc desc = {
+        .gpu = f->gpu, .terrain = terrain, .effects = &effects, .width = WIDTH, .height = HEIGHT};
+    char text[128];
+    renderer_default_knobs(&geomipmap_renderer, desc.knobs);
+    snprintf(text, sizeof text, "%s", settings);
+    for (char *word = strtok(text, " "); word; word = strtok(NULL, " ")) {
+        char *value = strchr(word, '=');
+        assert_non_null(value);
+        *value++ = 0;
+        assert_true(renderer_parse_knob(&geomipmap_renderer, word, value, desc.knobs));
+    }
+    struct renderer *renderer = geomipmap_renderer.create(&desc);
+    assert_non_null(renderer);
+    return renderer;
+}
+
+// Above the ground of the map by `low` .. `high` metres, looking anywhere, rolled.
+static struct view random_view(const struct terrain *terrain, uint64_t *seed, double low, double high)
+{
+    const struct terrain_info *info = terrain_info(terrain);
+    const double *o = info->outline_m;
+    double x = test_uniform(seed, o[0], o[2]), y = test_uniform(seed, o[1], o[3]), ground = 0;
+    assert_true(terrain_truth_at(terrain, x, y, &ground, NULL));
+    double above = low * pow(high / low, test_uniform(seed, 0, 1));
+    const struct camera camera = {{x, y, ground * info->quantum_m + info->offset_m + above},
+                                  test_uniform(seed, -4, 4),
+                                  test_uniform(seed, -1.5, 0.3),
+                                  test_uniform(seed, -0.5, 0.5),
+                                  test_uniform(seed, 0.5, 2.2)};
+    struct view view;
+    view_init(&view, terrain, &camera, WIDTH, HEIGHT, 0);
+    return view;
+}
+
+static void update(struct renderer *renderer, const struct view *views, int count)
+{
+    geomipmap_renderer.begin_frame(renderer, 0);
+    assert_true(geomipmap_renderer.update(renderer, views, count));
+}
+
+static uint64_t draw_hash(struct fixture *f, struct renderer *renderer, const struct terrain *terrain,
+                          const struct view *view, int index)
+{
+    gpu_set_view(f->gpu, terrain, view);
+    gpu_target_begin(f->gpu, &f->target);
+    geomipmap_renderer.draw(renderer, index, PASS_POSITION);
+    gpu_target_read(f->gpu, &f->target, f->pixels);
+    uint64_t hash = 0xcbf29ce484222325u; // FNV-1a over words
+    for (size_t i = 0; i < PIXELS * 4; i++) {
+        uint32_t word;
+        memcpy(&word, &f->pixels[i], sizeof word);
+        hash = (hash ^ word) * 0x100000001b3u;
+    }
+    return hash;
+}
+
+static double counter(const struct renderer *renderer, const char *name)
+{
+    struct renderer_stats stats;
+    geomipmap_renderer.stats(renderer, &stats);
+    for (int i = 0; i < 12 && stats.counters[i].name; i++)
+        if (strcmp(stats.counters[i].name, name) == 0) return stats.counters[i].value;
+    fail_msg("no counter %s", name);
+    return 0;
+}
+
+// ---- the captured mesh
+// ----------------------------------------------------------------------------------------------
+
+struct mesh {
+    float (*vertices)[3];
+    size_t count, room; // triangles
+};
+
+static void take_triangles(const float *triangles, size_t count, void *user)
+{
+    struct mesh *mesh = user;
+    if (mesh->count + count > mesh->room) {
+        mesh->room = 2 * (mesh->count + count);
+        mesh->vertices = realloc(mesh->vertices, mesh->room * 3 * sizeof *mesh->vertices);
+        assert_non_null(mesh->vertices);
+    }
+    memcpy(mesh->vertices + 3 * mesh->count, triangles, count * 9 * sizeof *triangles);
+    mesh->count += count;
+}
+
+static struct mesh capture(struct fixture *f, struct renderer *renderer, const struct terrain *terrain,
+                           const struct view *view, int index)
+{
+    struct mesh mesh = {0};
+    gpu_set_view(f->gpu, terrain, view);
+    assert_true(gpu_capture_begin(f->gpu, take_triangles, &mesh));
+    geomipmap_renderer.draw(renderer, index, PASS_DEPTH);
+    gpu_capture_end(f->gpu);
+    return mesh;
+}
+
+// The vertex nearest to a sample, as the shared formulas place it, bit for bit.
+static void check_vertex(const struct terrain *terrain, const struct view *view, const float vertex[3])
+{
+    const struct terrain_info *info = terrain_info(terrain);
+    struct terrain_level level = terrain_level(terrain, info->finest);
+    struct view_origin eye = view_level_origin(view, info->finest);
+    int64_t cell[2];
+    for (int axis = 0; axis < 2; axis++) {
+        float spacing = (float)level.spacing_m[axis];
+        cell[axis] = llround((double)vertex[axis] / level.spacing_m[axis] + (double)eye.fraction[axis]);
+        assert_true(((float)cell[axis] - eye.fraction[axis]) * spacing == vertex[axis]);
+    }
+    int32_t quanta, base;
+    float fraction;
+    view_eye_quanta(view, &base, &fraction);
+    terrain_window(terrain, info->finest, eye.base[0] + cell[0], eye.base[1] + cell[1], 1, 1, &quanta,
+                   TERRAIN_WAIT);
+    assert_true((((float)quanta - (float)base) - fraction) * (float)info->quantum_m == vertex[2]);
+}
+
+static void check_vertices(const struct terrain *terrain, const struct view *view, const struct mesh *mesh)
+{
+    for (size_t i = 0; i < 3 * mesh->count; i++) check_vertex(terrain, view, mesh->vertices[i]);
+}
+
+struct edge {
+    float from[3], to[3];
+};
+
+static int compare_edges(const void *a, const void *b)
+{
+    return memcmp(a, b, sizeof(struct edge));
+}
+
+// Edges without a partner that runs the other way, by comparing bits.  Those along the map's outline or
+// beyond are not counted.
+static size_t open_edges(const struct terrain *terrain, const struct view *view, const struct mesh *mesh)
+{
+    size_t count = 3 * mesh->count, open = 0;
+    struct edge *forth = malloc(count * sizeof *forth), *back = malloc(count * sizeof *back);
+    assert_true(forth && back);
+    for (size_t i = 0; i < count; i++) {
+        const float *from = mesh->vertices[i], *to = mesh->vertices[i - i % 3 + (i + 1) % 3];
+        memcpy(forth[i].from, from, sizeof forth[i].from), memcpy(forth[i].to, to, sizeof forth[i].to);
+        memcpy(back[i].from, to, sizeof back[i].from), memcpy(back[i].to, from, sizeof back[i].to);
+    }
+    qsort(forth, count, sizeof *forth, compare_edges);
+    qsort(back, count, sizeof *back, compare_edges);
+    const double *outline = terrain_info(terrain)->outline_m;
+    for (size_t i = 0, j = 0; i < count; i++) {
+        while (j < count && compare_edges(&back[j], &forth[i]) < 0) j++;
+        if (j < count && compare_edges(&back[j], &forth[i]) == 0) {
+            j++;
+            continue;
+        }
+        bool border = false;
+        for (int axis = 0; axis < 2; axis++) {
+            double a = (double)forth[i].from[axis] + view->eye_m[axis];
+            double b = (double)forth[i].to[axis] + view->eye_m[axis], slack = 1e-3;
+            border = border || (a <= outline[axis] + slack && b <= outline[axis] + slack) ||
+                     (a >= outline[axis + 2] - slack && b >= outline[axis + 2] - slack);
+        }
+        open += !border;
+    }
+    free(forth);
+    free(back);
+    return open;
+}
+
+static void mesh_is_watertight_and_made_of_samples(void **state)
+{
+    struct fixture *f = *state;
+    static const char *const settings[] = {"tau=4 cull=off", "tau=1 cull=off merge=0",
+                                           "tau=2 cull=off merge=1", "tau=2 cull=off patch=33",
+                                           "tau=4 cull=off patch=65"};
+    struct terrain *terrain = test_fractal(&hills, 1);
+    uint64_t seed = 2;
+    size_t triangles = 0;
+    for (size_t s = 0; s < sizeof settings / sizeof settings[0]; s++) {
+        struct renderer *renderer = create(f, terrain, settings[s]);
+        for (int k = 0; k < test_size(6, 60); k++) {
+            struct view view = random_view(terrain, &seed, 2, 3000);
+            update(renderer, &view, 1);
+            struct mesh mesh = capture(f, renderer, terrain, &view, 0);
+            struct renderer_stats stats;
+            geomipmap_renderer.stats(renderer, &stats);
+            assert_int_equal(mesh.count, stats.triangles);
+            assert_int_equal(open_edges(terrain, &view, &mesh), 0);
+            check_vertices(terrain, &view, &mesh);
+            triangles += mesh.count;
+            mesh.count--; // a missing triangle is noticed, unless it lies on the outline
+            if (k == 0) {
+                struct mesh torn = {mesh.vertices + 3 * (mesh.count / 2), mesh.count - mesh.count / 2, 0};
+                assert_true(open_edges(terrain, &view, &torn) > 0);
+            }
+            free(mesh.vertices);
+        }
+        geomipmap_renderer.destroy(renderer);
+    }
+    FIGURE("%zu triangles captured, no open edge, every vertex a sample", triangles);
+    terrain_destroy(terrain);
+}
+
+// ---- pictures
+// -------------------------------------------------------------------------------------------------------
+
+static void culling_leaves_the_picture_as_it_is(void **state)
+{
+    struct fixture *f = *state;
+    struct terrain *terrain = test_fractal(&hills, 3);
+    uint64_t seed = 4;
+    double drawn[2] = {0, 0};
+    for (int merge = 0; merge <= 3; merge += 3) {
+        struct renderer *on = create(f, terrain, merge ? "cull=on" : "cull=on merge=0");
+        struct renderer *off = create(f, terrain, merge ? "cull=off" : "cull=off merge=0");
+        for (int k = 0; k < test_size(15, 150); k++) {
+            struct view view = random_view(terrain, &seed, 2, 3000);
+            update(on, &view, 1);
+            uint64_t culled = draw_hash(f, on, terrain, &view, 0);
+            drawn[0] += counter(on, "tiles");
+            update(off, &view, 1);
+            assert_true(culled == draw_hash(f, off, terrain, &view, 0));
+            drawn[1] += counter(off, "tiles");
+        }
+        geomipmap_renderer.destroy(on);
+        geomipmap_renderer.destroy(off);
+    }
+    FIGURE("culled %.0f tiles, not culled %.0f: the same pictures", drawn[0], drawn[1]);
+    assert_true(drawn[0] < drawn[1]);
+    terrain_destroy(terrain);
+}
+
+// Case C5 as drawn: whatever the cache may hold, each view of a frame is drawn with its tiles' own heights.
+static void cache_size_leaves_the_picture_as_it_is(void **state)
+{
+    struct fixture *f = *state;
+    struct terrain *terrain = test_fractal(&hills, 5);
+    struct renderer *reference = create(f, terrain, "tau=2");
+    uint64_t seed = 6;
+    struct view views[4][2];
+    uint64_t expected[4][2];
+    int needed = 0;
+    for (int frame = 0; frame < 4; frame++)
+        for (int i = 0; i < 2; i++) {
+            views[frame][i] = random_view(terrain, &seed, 20, 2000);
+            update(reference, &views[frame][i], 1);
+            expected[frame][i] = draw_hash(f, reference, terrain, &views[frame][i], 0);
+            if (frame == 0 && i == 0) needed = (int)counter(reference, "tiles");
+        }
+    geomipmap_renderer.destroy(reference);
+    const int limits[] = {0, 1, needed - 1, needed, needed + 1};
+    for (int n = 0; n < 5; n++) {
+        char settings[64];
+        snprintf(settings, sizeof settings, "tau=2 cache=%d", limits[n]);
+        struct renderer *renderer = create(f, terrain, settings);
+        for (int pass = 0; pass < 3; pass++)
+            for (int frame = 0; frame < 4; frame++) {
+                update(renderer, views[frame], 2);
+                for (int i = 0; i < 4; i++) // each view twice, interleaved
+                    assert_true(draw_hash(f, renderer, terrain, &views[frame][i % 2], i % 2) ==
+                                expected[frame][i % 2]);
+            }
+        for (int frame = 0; frame < 6; frame++) { // a static frame, one view
+            update(renderer, &views[0][0], 1);
+            gpu_reset_counters(f->gpu);
+            assert_true(draw_hash(f, renderer, terrain, &views[0][0], 0) == expected[0][0]);
+            if (limits[n] == 0 || limits[n] >= needed) {
+                assert_true(frame == 0 || counter(renderer, "misses") == 0);
+                assert_int_equal(gpu_counters(f->gpu).upload_bytes, 0); // never while drawing
+            } else {
+                assert_true(counter(renderer, "misses") >= needed - limits[n]);
+            }
+            if (limits[n]) assert_true(counter(renderer, "slots") <= limits[n]);
+        }
+        geomipmap_renderer.destroy(renderer);
+    }
+    terrain_destroy(terrain);
+}
+
+// The buffer grows and shrinks with what a frame uses, and is right all the while.
+static void growing_and_shrinking_keep_the_picture(void **state)
+{
+    struct fixture *f = *state;
+    struct terrain *terrain = test_fractal(&hills, 7);
+    struct renderer *renderer = create(f, terrain, "tau=0.5 merge=0");
+    uint64_t seed = 8;
+    struct view wide = random_view(terrain, &seed, 800, 900), narrow = wide;
+    const struct camera down = {{wide.eye_m[0], wide.eye_m[1], wide.eye_m[2]}, 0, -1.5, 0, 0.1};
+    view_init(&narrow, terrain, &down, WIDTH, HEIGHT, 0);
+    const struct camera ahead = {{wide.eye_m[0], wide.eye_m[1], wide.eye_m[2]}, 0.7, -0.5, 0, 1.5};
+    view_init(&wide, terrain, &ahead, WIDTH, HEIGHT, 0);
+    update(renderer, &narrow, 1);
+    uint64_t expected = draw_hash(f, renderer, terrain, &narrow, 0);
+    update(renderer, &wide, 1);
+    uint64_t expected_wide = draw_hash(f, renderer, terrain, &wide, 0);
+    double most = counter(renderer, "slots"), before = most;
+    struct renderer_stats largest, smallest;
+    geomipmap_renderer.stats(renderer, &largest);
+    for (int frame = 0; frame < 500; frame++) {
+        update(renderer, &narrow, 1);
+        if (frame % 25 == 0) assert_true(draw_hash(f, renderer, terrain, &narrow, 0) == expected);
+        double slots = counter(renderer, "slots");
+        assert_true(slots == before || slots == before - 1);
+        before = slots;
+    }
+    geomipmap_renderer.stats(renderer, &smallest);
+    FIGURE("slots %.0f, then %.0f; bytes %llu, then %llu", most, before,
+           (unsigned long long)largest.resident_bytes, (unsigned long long)smallest.resident_bytes);
+    assert_true(before < most / 4);
+    assert_true(smallest.resident_bytes < largest.resident_bytes);
+    update(renderer, &wide, 1);
+    assert_true(draw_hash(f, renderer, terrain, &wide, 0) == expected_wide);
+    geomipmap_renderer.destroy(renderer);
+    terrain_destroy(terrain);
+}
+
+// ---- against the truth
+// ----------------------------------------------------------------------------------------------
+
+struct judged {
+    double worst_px; // of drawn ground
+    uint64_t ground, misses, spills;
+    uint64_t holes; // undrawn ground farther from the sky than the claim and a pixel
+};
+
+// Is there sky within `reach` pixels?  A silhouette that is wrong by the claim leaves undrawn ground no
+// farther from it; the measure calls that a hole where the silhouette runs straight up the picture, as an
+// outline seen end on does.
+static bool near_sky(const struct truth *truth, size_t pixel, int reach)
+{
+    int x = (int)(pixel % WIDTH), y = (int)(pixel / WIDTH);
+    for (int j = y - reach; j <= y + reach; j++)
+        for (int i = x - reach; i <= x + reach; i++)
+            if (i >= 0 && j >= 0 && i < WIDTH && j < HEIGHT && !(truth->pixels[j * WIDTH + i].depth > 0))
+                return true;
+    return false;
+}
+
+static struct judged judge_frame(struct fixture *f, struct renderer *renderer, const struct terrain *terrain,
+                                 const struct truth_surface *surface, const struct view *view)
+{
+    struct truth truth;
+    struct frame_error error;
+    assert_true(truth_init(&truth, WIDTH, HEIGHT) && frame_error_init(&error, WIDTH, HEIGHT));
+    truth_cast(&truth, surface, view, 0);
+    struct places *hits = truth_places(&truth, 0);
+    assert_non_null(hits);
+    update(renderer, view, 1);
+    draw_hash(f, renderer, terrain, view, 0);
+    assert_true(gpu_capture_begin(f->gpu, places_feed, hits));
+    geomipmap_renderer.draw(renderer, 0, PASS_DEPTH);
+    gpu_capture_end(f->gpu);
+    frame_error_measure(&error, terrain, view, &truth, f->pixels, hits, 0);
+    struct judged judged = {.ground = error.ground, .misses = error.misses, .spills = error.spills};
+    struct renderer_stats stats;
+    geomipmap_renderer.stats(renderer, &stats);
+    for (size_t p = 0; p < PIXELS; p++)
+        if (error.kind[p] == PIXEL_HOLE && !near_sky(&truth, p, (int)ceil(stats.claimed_error_px) + 1))
+            judged.holes++;
+    for (size_t p = 0; p < PIXELS; p++)
+        if (error.kind[p] == PIXEL_GROUND && error.error_px[p] > (float)judged.worst_px)
+            judged.worst_px = (double)error.error_px[p];
+    places_destroy(hits);
+    truth_finish(&truth);
+    frame_error_finish(&error);
+    return judged;
+}
+
+static void claim_holds_and_nothing_is_left_out(void **state)
+{
+    struct fixture *f = *state;
+    struct terrain *terrain = test_fractal(&hills, 9);
+    struct truth_surface *surface = truth_surface_create(terrain);
+    assert_non_null(surface);
+    static const double taus[] = {0.25, 0.5, 1, 2, 4, 8};
+    static const char *const metrics[] = {"safe", "paper"};
+    int broken[2] = {0, 0}, frames = 0;
+    uint64_t misses = 0, spills = 0, ground = 0;
+    for (int t = 0; t < 6; t++)
+        for (int m = 0; m < 2; m++) {
+            char settings[64];
+            uint64_t seed = 10;
+            snprintf(settings, sizeof settings, "tau=%g metric=%s", taus[t], metrics[m]);
+            struct renderer *renderer = create(f, terrain, settings);
+            for (int k = 0; k < test_size(8, 80); k++) {
+                struct view view = random_view(terrain, &seed, 2, 3000);
+                struct judged judged = judge_frame(f, renderer, terrain, surface, &view);
+                broken[m] += judged.worst_px > taus[t] + 1e-3; // the floor of the measure
+                assert_int_equal(judged.holes, 0);
+                if (m == 0 && t == 0) {
+                    misses += judged.misses, spills += judged.spills, ground += judged.ground;
+                }
+                frames++;
+            }
+            geomipmap_renderer.destroy(renderer);
+        }
+    FIGURE("%d frames: claim broken in %d by safe, %d by paper; at tau 0.25 %.4f %% misses, %.4f %% spills",
+           frames, broken[0], broken[1], 100.0 * (double)misses / (double)ground,
+           100.0 * (double)spills / (double)ground);
+    assert_int_equal(broken[0], 0);
+    assert_true(broken[1] > 0);
+    assert_true((double)misses <= 0.0005 * (double)ground);
+    assert_true((double)spills <= 0.0005 * (double)ground);
+    truth_surface_destroy(surface);
+    terrain_destroy(terrain);
+}
+
+static void flat_ground_is_exact_and_cheap(void **state)
+{
+    struct fixture *f = *state;
+    static const double heights[] = {0, 1000, 8848.8};
+    for (int h = 0; h < 3; h++) {
+        struct test_map map = hills;
+        map.height_m = 0;
+        map.offset_m = heights[h];
+        struct terrain *terrain = test_fractal(&map, 1);
+        struct truth_surface *surface = truth_surface_create(terrain);
+        struct renderer *renderer = create(f, terrain, "tau=0");
+        uint64_t seed = 11;
+        for (int k = 0; k < 5; k++) {
+            struct view view = random_view(terrain, &seed, 2, 3000);
+            struct judged judged = judge_frame(f, renderer, terrain, surface, &view);
+            assert_true(judged.worst_px <= 1e-3);
+            assert_int_equal(judged.holes, 0);
+            // 4 x 3 tiles of 128 cells cover the map; each has 2 x 2 cells, and 14 vertices more on a side at
+            // the map's edge.
+            struct renderer_stats stats;
+            geomipmap_renderer.stats(renderer, &stats);
+            assert_true(stats.triangles <= 4 * 3 * 8 + 2 * (4 + 3) * 14);
+            struct mesh mesh = capture(f, renderer, terrain, &view, 0);
+            check_vertices(terrain, &view, &mesh);
+            free(mesh.vertices);
+        }
+        geomipmap_renderer.destroy(renderer);
+        truth_surface_destroy(surface);
+        terrain_destroy(terrain);
+    }
+}
+
+// Terrain of any height range, size and place.
+static void any_terrain_is_drawn_with_its_own_heights(void **state)
+{
+    struct fixture *f = *state;
+    struct test_map tall = hills, far_away = hills, tiny = hills, thin = hills;
+    tall.quantum_m = 0.001; // tiles of more than 65,535 quanta
+    far_away.first[0] = 10000000000, far_away.first[1] = -10000000000;
+    tiny.width = 3, tiny.height = 2;
+    thin.width = 17, thin.height = 300;
+    const struct test_map maps[] = {tall, far_away, tiny, thin};
+    static const int height_bytes[] = {4, 2, 2, 2};
+    for (int m = 0; m < 4; m++) {
+        struct terrain *terrain = test_fractal(&maps[m], 12);
+        struct renderer *renderer = create(f, terrain, "tau=1");
+        uint64_t seed = 13;
+        for (int k = 0; k < 5; k++) {
+            struct view view = random_view(terrain, &seed, 2, 300);
+            update(renderer, &view, 1);
+            struct mesh mesh = capture(f, renderer, terrain, &view, 0);
+            check_vertices(terrain, &view, &mesh);
+            free(mesh.vertices);
+        }
+        assert_true(counter(renderer, "height_bytes") == height_bytes[m]);
+        geomipmap_renderer.destroy(renderer);
+        terrain_destroy(terrain);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(mesh_is_watertight_and_made_of_samples),
+        cmocka_unit_test(culling_leaves_the_picture_as_it_is),
+        cmocka_unit_test(cache_size_leaves_the_picture_as_it_is),
+        cmocka_unit_test(growing_and_shrinking_keep_the_picture),
+        cmocka_unit_test(claim_holds_and_nothing_is_left_out),
+        cmocka_unit_test(flat_ground_is_exact_and_cheap),
+        cmocka_unit_test(any_terrain_is_drawn_with_its_own_heights),
+    };
+    return cmocka_run_group_tests(tests, setup, teardown);
+}
