@@ -22,9 +22,13 @@ struct box {
     float x0, y0, x1, y1;
 };
 
-struct item {
-    double xy[2];
+struct item { // a place while the tree is built: where it comes in the order may be rounded
+    float xy[2];
     uint32_t place;
+};
+
+struct cell { // what the splits above leave to a node
+    float low[2], high[2];
 };
 
 // The tree is whole: at depth d node m = 0 .. 2^d - 1 holds the places from count * m >> d on, and stands at
@@ -64,7 +68,7 @@ static void select_item(struct item *items, size_t begin, size_t end, size_t mid
 {
     ptrdiff_t first = (ptrdiff_t)begin, last = (ptrdiff_t)end - 1, wanted = (ptrdiff_t)middle;
     while (first < last) {
-        double pivot = items[first + (last - first) / 2].xy[axis];
+        float pivot = items[first + (last - first) / 2].xy[axis];
         ptrdiff_t i = first, j = last;
         while (i <= j) {
             while (items[i].xy[axis] < pivot) i++;
@@ -83,15 +87,60 @@ static void select_item(struct item *items, size_t begin, size_t end, size_t mid
     }
 }
 
-static void bounds(const struct item *items, size_t first, size_t end, double low[2], double high[2])
+static void split(struct places *places, int depth, size_t node, const struct cell *cell,
+                  struct cell halves[2])
 {
-    for (int axis = 0; axis < 2; axis++) low[axis] = HUGE_VAL, high[axis] = -HUGE_VAL;
-    for (size_t k = first; k < end; k++)
+    size_t first = node_first(places, depth, node), end = node_first(places, depth, node + 1);
+    size_t middle = node_first(places, depth + 1, 2 * node + 1);
+    int axis = cell->high[1] - cell->low[1] > cell->high[0] - cell->low[0];
+    select_item(places->items, first, end, middle, axis);
+    halves[0] = halves[1] = *cell;
+    halves[0].high[axis] = halves[1].low[axis] = places->items[middle].xy[axis];
+}
+
+static void split_subtree(struct places *places, int depth, size_t node, const struct cell *cell)
+{
+    struct cell halves[2];
+    if (depth == places->depth) return;
+    split(places, depth, node, cell, halves);
+    split_subtree(places, depth + 1, 2 * node, &halves[0]);
+    split_subtree(places, depth + 1, 2 * node + 1, &halves[1]);
+}
+
+struct splitting {
+    struct places *places;
+    int depth;
+    struct cell cells[2 << PART_DEPTH]; // of the nodes that threads share, as in boxes
+};
+
+static void split_one(int node, void *user)
+{
+    struct splitting *s = user;
+    size_t at = ((size_t)1 << s->depth) + (size_t)node;
+    split(s->places, s->depth, (size_t)node, &s->cells[at], &s->cells[2 * at]);
+}
+
+static void split_part(int node, void *user)
+{
+    struct splitting *s = user;
+    split_subtree(s->places, s->depth, (size_t)node, &s->cells[((size_t)1 << s->depth) + (size_t)node]);
+}
+
+// Puts the items into the tree's order.
+static void order_items(struct places *places)
+{
+    struct splitting s = {.places = places};
+    struct cell *root = &s.cells[1];
+    for (int axis = 0; axis < 2; axis++) root->low[axis] = HUGE_VALF, root->high[axis] = -HUGE_VALF;
+    for (size_t k = 0; k < places->count; k++)
         for (int axis = 0; axis < 2; axis++) {
-            double value = items[k].xy[axis];
-            low[axis] = value < low[axis] ? value : low[axis];
-            high[axis] = value > high[axis] ? value : high[axis];
+            float value = places->items[k].xy[axis];
+            root->low[axis] = value < root->low[axis] ? value : root->low[axis];
+            root->high[axis] = value > root->high[axis] ? value : root->high[axis];
         }
+    for (; s.depth < PART_DEPTH && s.depth < places->depth; s.depth++)
+        parallel_blocks(1 << s.depth, places->threads, split_one, &s);
+    parallel_blocks(1 << s.depth, places->threads, split_part, &s);
 }
 
 static float float_below(double value)
@@ -105,50 +154,33 @@ static float float_above(double value)
     return -float_below(-value);
 }
 
-static void build_node(struct places *places, int depth, size_t node)
+static struct box join(const struct box *a, const struct box *b)
 {
-    size_t first = node_first(places, depth, node), end = node_first(places, depth, node + 1);
-    double low[2], high[2], unit = places->grid / (1.5 * 0x1p52); // triangles' boxes are not on the grid
-    bounds(places->items, first, end, low, high);
-    places->boxes[((size_t)1 << depth) + node] =
-        (struct box){float_below(low[0] - unit), float_below(low[1] - unit), float_above(high[0] + unit),
-                     float_above(high[1] + unit)};
-    if (depth == places->depth || first == end) return;
-    int axis = high[1] - low[1] > high[0] - low[0];
-    select_item(places->items, first, end, node_first(places, depth + 1, 2 * node + 1), axis);
+    return (struct box){a->x0 < b->x0 ? a->x0 : b->x0, a->y0 < b->y0 ? a->y0 : b->y0,
+                        a->x1 > b->x1 ? a->x1 : b->x1, a->y1 > b->y1 ? a->y1 : b->y1};
 }
 
-static void build_subtree(struct places *places, int depth, size_t node)
+static struct box leaf_box(const struct places *places, size_t leaf)
 {
-    build_node(places, depth, node);
-    if (depth == places->depth) return;
-    build_subtree(places, depth + 1, 2 * node);
-    build_subtree(places, depth + 1, 2 * node + 1);
+    double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
+    double unit = places->grid / (1.5 * 0x1p52); // triangles' boxes are not on the grid
+    size_t end = node_first(places, places->depth, leaf + 1);
+    for (size_t k = node_first(places, places->depth, leaf); k < end; k++)
+        for (int axis = 0; axis < 2; axis++) {
+            double value = places->xy[k][axis];
+            low[axis] = value < low[axis] ? value : low[axis];
+            high[axis] = value > high[axis] ? value : high[axis];
+        }
+    return (struct box){float_below(low[0] - unit), float_below(low[1] - unit), float_above(high[0] + unit),
+                        float_above(high[1] + unit)};
 }
 
-struct building {
-    struct places *places;
-    int depth;
-};
-
-static void build_one(int node, void *user)
+static void make_boxes(struct places *places)
 {
-    const struct building *b = user;
-    build_node(b->places, b->depth, (size_t)node);
-}
-
-static void build_part(int node, void *user)
-{
-    const struct building *b = user;
-    build_subtree(b->places, b->depth, (size_t)node);
-}
-
-static void build_tree(struct places *places)
-{
-    struct building building = {places, 0};
-    for (; building.depth < PART_DEPTH && building.depth < places->depth; building.depth++)
-        parallel_blocks(1 << building.depth, places->threads, build_one, &building);
-    parallel_blocks(1 << building.depth, places->threads, build_part, &building);
+    size_t leaves = (size_t)1 << places->depth;
+    for (size_t leaf = 0; leaf < leaves; leaf++) places->boxes[leaves + leaf] = leaf_box(places, leaf);
+    for (size_t node = leaves - 1; node > 0; node--)
+        places->boxes[node] = join(&places->boxes[2 * node], &places->boxes[2 * node + 1]);
 }
 
 static void set_grid(struct places *places, const double (*xy)[2])
@@ -191,13 +223,14 @@ struct places *places_create(const double (*xy)[2], size_t count, int threads)
     }
     set_grid(places, xy);
     for (size_t k = 0; k < count; k++)
-        places->items[k] =
-            (struct item){{on_grid(xy[k][0], places->grid), on_grid(xy[k][1], places->grid)}, (uint32_t)k};
-    build_tree(places);
+        places->items[k] = (struct item){{(float)xy[k][0], (float)xy[k][1]}, (uint32_t)k};
+    order_items(places);
     for (size_t k = 0; k < count; k++) {
-        memcpy(places->xy[k], places->items[k].xy, sizeof *places->xy);
-        places->slot[places->items[k].place] = (uint32_t)k;
+        uint32_t place = places->items[k].place;
+        for (int axis = 0; axis < 2; axis++) places->xy[k][axis] = on_grid(xy[place][axis], places->grid);
+        places->slot[place] = (uint32_t)k;
     }
+    make_boxes(places);
     free(places->items);
     places->items = NULL;
     places_clear(places);
