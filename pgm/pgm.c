@@ -31,7 +31,7 @@ enum knob {
 
 static const struct renderer_knob knobs[] = {
     {"rows", "rows of the grid: triangles for error", 300, 1, PGM_ROWS_MAX, NULL},
-    {"aspect", "columns of the grid for each row: the published grids have 1 to 4", 0.75, 0.05, 16, NULL},
+    {"aspect", "columns of the grid for each row: the published grids have 1 to 4", 0.5, 0.05, 16, NULL},
     {"law",
      "how rows are spread: even on the sampling camera's screen, half of them even in log distance, or all",
      PGM_LAW_HALF_LOG, 0, 2, "uniform|half-log|log"},
@@ -51,12 +51,14 @@ static const struct renderer_knob knobs[] = {
      PGM_SPREAD_NEAR, 0, 2, "far|mean|near"},
     {"bias", "levels added to the level of detail: blur for aliasing", 0, -8, 8, NULL},
     {"filter", "how a level is read between samples", 2, 0, 2, "nearest|bilinear|triangle"},
-    {"cull", "leave out tiles of the grid outside the view", 0, 0, 1, "off|on"},
+    {"cull", "leave out tiles of the grid outside the view: few, as the rows fit the view already", 0, 0, 1,
+     "off|on"},
     {0},
 };
 
-static const double quick[] = {75, 150, 300, 600, NAN};
-static const double full[] = {50, 75, 100, 150, 200, 300, 400, 600, NAN};
+// Fewer than 150 rows step over whole ridges of rugged ground, which then lack more than 8 px of skyline.
+static const double quick[] = {150, 210, 300, 424, 600, NAN};
+static const double full[] = {150, 180, 210, 250, 300, 360, 424, 500, 600, 768, NAN};
 
 // The uniform block `sampling`, std140.
 struct sampling_block {

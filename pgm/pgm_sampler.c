@@ -3,6 +3,8 @@
 
 #include <math.h>
 
+enum { SLICES = 12, STRIPS = 4 }; // of the ground that is searched for what hides the lower edge
+
 static const double half_pi = 1.57079632679489661923;
 static const double infinitesimal = 1e-9; // sine of a ray to the sky; only the published camera sends one
 
@@ -140,41 +142,45 @@ double pgm_sampler_half_width(const struct pgm_sampler *sampler, double forward_
     return fmax(sampler->width[0] + sampler->width[1] * forward_m, sampler->width[2]);
 }
 
-// Highest drawn terrain under the trapezoid between two forward distances, relative to the eye.
+// Highest drawn terrain under the trapezoid between two forward distances, relative to the eye.  Taken in
+// strips along the view, whose upright rectangles hold less ground beside the trapezoid.
 static double highest_between(const struct pgm_sampler *sampler, const struct view *view,
                               const struct pgm_world *world, double from, double to)
 {
-    double rect[4] = {INFINITY, INFINITY, -INFINITY, -INFINITY};
-    for (int corner = 0; corner < 4; corner++) {
-        double q = corner & 1 ? to : from;
-        double p = pgm_sampler_half_width(sampler, q) * (corner & 2 ? 1 : -1);
-        for (int axis = 0; axis < 2; axis++) {
-            double x = view->eye_m[axis] + sampler->forward[axis] * q + sampler->right[axis] * p;
-            include(x, &rect[axis], &rect[axis + 2]);
+    double highest = -(double)INFINITY;
+    for (int strip = 0; strip < STRIPS; strip++) {
+        double rect[4] = {INFINITY, INFINITY, -INFINITY, -INFINITY};
+        for (int corner = 0; corner < 4; corner++) {
+            double q = corner & 1 ? to : from, side = 2.0 * (strip + (corner >> 1)) / STRIPS - 1;
+            double p = pgm_sampler_half_width(sampler, q) * side;
+            for (int axis = 0; axis < 2; axis++) {
+                double x = view->eye_m[axis] + sampler->forward[axis] * q + sampler->right[axis] * p;
+                include(x, &rect[axis], &rect[axis + 2]);
+            }
         }
+        highest = fmax(highest, world->highest_in(world->user, rect));
     }
-    return world->highest_in(world->user, rect) - view->eye_m[2];
+    return highest - view->eye_m[2];
 }
 
-// Near end by the viewing camera: no visible ground nearer than `cut`, where its lower edge leaves the slab,
-// is higher than what stands there.  Each turn looks at a smaller area and may lower that height once more.
+// Near end by the viewing camera: that of the first slice, going ahead, whose terrain is high enough to be
+// seen.  At `cut` the view's lower edge leaves the slab.
 static double tight_near(const struct pgm_sampler *sampler, const struct view *view,
-                         const struct pgm_world *world, struct wedge wedge, double nearest, double farthest)
+                         const struct pgm_world *world, const struct wedge *wedge, double nearest,
+                         double farthest)
 {
     double cut = farthest;
-    if (wedge.lower < 0 && wedge.low < 0) cut = fmin(cut, wedge.low * cos(wedge.lower) / sin(wedge.lower));
-    for (int turn = 0; turn < 3 && nearest < cut; turn++) {
-        double highest = highest_between(sampler, view, world, nearest, cut), ignored;
-        wedge.high = fmax(fmin(wedge.high, highest), wedge.low);
-        double moved = cut;
-        if (wedge_range(&wedge, &moved, &ignored))
-            moved = fmin(moved, cut);
-        else
-            moved = cut;
-        if (!(moved > nearest)) break;
-        nearest = moved;
+    if (wedge->lower < 0 && wedge->low < 0)
+        cut = fmin(cut, wedge->low * cos(wedge->lower) / sin(wedge->lower));
+    for (int slice = 0; slice < SLICES && nearest < cut; slice++) {
+        double from = nearest + (cut - nearest) * slice / SLICES;
+        double to = nearest + (cut - nearest) * (slice + 1) / SLICES;
+        struct wedge seen = *wedge;
+        seen.high = clamp(highest_between(sampler, view, world, from, to), wedge->low, wedge->high);
+        double begins, ends;
+        if (wedge_range(&seen, &begins, &ends) && begins <= to && ends >= from) return fmax(from, begins);
     }
-    return nearest;
+    return fmax(nearest, cut);
 }
 
 // Near end by the sampling camera: where its lower edge meets the plane, extended by gamma.
@@ -211,7 +217,7 @@ static void set_ends(struct pgm_sampler *sampler, const struct view *view, const
         nearest = fmax(nearest, begins);
         sampler->empty = !seen || !(nearest < farthest);
         if (sampler->empty) return;
-        nearest = tight_near(sampler, view, world, *wedge, nearest, farthest);
+        nearest = tight_near(sampler, view, world, wedge, nearest, farthest);
         // A sliver of ground at the very edge of the map or the picture still gets rows with room between
         // them.
         nearest = fmin(nearest, farthest - guard * fabs(farthest));
