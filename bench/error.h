@@ -1,27 +1,36 @@
 // How far a drawn frame is from the truth, pixel by pixel, and what it failed to cover.  No GL.
+//
 // Definitions: reports/README.md (they are fixed).  In short:
-//   error_px  the larger of (a) the drawn point against the truth at the same place and (b) the truth's hit
-//             against the drawn mesh at the same place, each the vertical difference projected to the screen;
-//             misses and spills enter with their distance in pixels to the other picture's skyline in their
-//             column.
-//   plane_px  distance of the drawn point from the plane of the truth's triangle in the same pixel, K |n.(p -
-//   q)| / w. holes     undrawn ground whose undrawn region (8-connected) touches no sky of the truth, and
-//   every undrawn pixel
-//             more than 8 px under the truth's skyline in its column.
-//   misses    the other undrawn ground.  spills: drawn where the truth has sky.
-// A pixel whose nearest drawn fragment faces away counts as undrawn.
+//
+// error_px: the larger of (a) the drawn point against the truth at the same place and (b) the truth's hit
+// against the drawn mesh at the same place, each the vertical difference projected to the screen.  Misses
+// and spills enter with their distance in pixels to the other picture's skyline in their column.
+//
+// plane_px: distance of the drawn point from the plane of the truth's triangle in the same pixel,
+// K |n.(p - q)| / w.
+//
+// Holes: undrawn ground whose undrawn region (8-connected) touches no sky of the truth, and every undrawn
+// pixel more than 8 px under the truth's skyline in its column.  Misses: the other undrawn ground.
+// Spills: drawn where the truth has sky.  A pixel whose nearest drawn fragment faces away counts as
+// undrawn.
 //
 // Cases that the definitions leave open:
-//   Heights of the truth are rounded to float32, the format of the position target, before they are compared:
-//   a drawn point that could not be nearer has error 0 exactly. A drawn point beyond the map's outline by
-//   rounding (1e-6 of its distance) is compared at the outline's nearest place; one farther out has no (a).
-//   Where no triangle is drawn at the truth's hit there is no (b); plane_px stands in, so that ground seen
-//   through a missing piece of the mesh does not pass for right. A column may hold several skylines (a needle
-//   above a valley, a map seen from outside, a rolled camera): a pixel is measured to the nearest pixel of
-//   sky, and to the other picture's nearest ground, which in a column with one skyline are those at the
-//   skyline.  The picture's border is not sky, but a skyline may lie just beyond its upper row, and where a
-//   column of the other picture has no ground its skyline lies just below the lowest row (a view that hangs
-//   upside down: the other way round).
+//
+// Heights of the truth are rounded to float32, the format of the position target, before they are compared:
+// a drawn point that could not be nearer has error 0 exactly.
+//
+// A drawn point beyond the map's outline by rounding (1e-6 of its distance) is compared at the outline's
+// nearest place; one farther out has no (a).
+//
+// Where no triangle is drawn at the truth's hit there is no (b); plane_px stands in, so that ground seen
+// through a missing piece of the mesh does not pass for right.
+//
+// A column may hold several skylines (a needle above a valley, a map seen from outside, a rolled camera): a
+// pixel is measured to the nearest pixel of sky, and to the other picture's nearest ground, which in a
+// column with one skyline are those at the skyline.  The picture's border is not sky, but a skyline may lie
+// just beyond its upper row, and where a column of the other picture has no ground its skyline lies just
+// below the lowest row (a view that hangs upside down: the other way round).
+//
 // SPDX-License-Identifier: MIT
 #ifndef BENCH_ERROR_H
 #define BENCH_ERROR_H
@@ -44,7 +53,7 @@ struct frame_error {
                                // 1e-3 relative while plane_px is above 0.5: another surface is in front
     uint64_t uncovered;        // ground pixels where no triangle is drawn at the truth's hit
     uint64_t beyond_window;    // samples whose error is more than the window's diagonal (numerics.md, E7)
-    int32_t *scratch;
+    int32_t *scratch;          // of frame_error_measure
 };
 
 bool frame_error_init(struct frame_error *error, int width, int height); // false after one line on stderr
@@ -84,8 +93,8 @@ struct error_samples {
     size_t count, capacity;
 };
 bool error_samples_add(struct error_samples *samples, const float *values, size_t count); // passes NANs over
-struct error_summary
-error_samples_summary(struct error_samples *samples); // reorders the samples; all 0 when empty
+// Reorders the samples; all 0 when there are none.
+struct error_summary error_samples_summary(struct error_samples *samples);
 void error_samples_finish(struct error_samples *samples);
 
 #endif

@@ -3,9 +3,11 @@
 // of any size needs no memory of its own.  No GL.  Same result for any number of threads and any order of
 // triangles.
 //
-// Places and vertices are rounded to one grid, 2^-49 of the farthest place and finer: differences are then
-// exact for vertices up to 8 times as far, and so is the side of an edge that a place is on.  Edges belong to
-// both of their triangles. So a mesh without gaps leaves no place uncovered. SPDX-License-Identifier: MIT
+// Places and vertices are rounded to one grid, 2^-49 of the farthest place or finer: differences are then
+// exact for vertices up to 8 times as far, and so is the side of an edge that a place is on.  Edges belong
+// to both of their triangles, so a mesh without gaps leaves no place uncovered.
+//
+// SPDX-License-Identifier: MIT
 #ifndef BENCH_PLACES_H
 #define BENCH_PLACES_H
 

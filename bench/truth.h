@@ -1,6 +1,6 @@
 // What each pixel really sees: a double-precision ray caster over the extrema pyramid of the finest level
 // (hierarchical DDA with integer cells and times compared, exact piecewise-linear hits, diagonal
-// (i,j)-(i+1,j+1)). No GL.  Same result for any number of threads.
+// (i,j)-(i+1,j+1)).  No GL.  Same result for any number of threads.
 //
 // The surface is seen from above only, and nothing of it lies beyond the map's outline.  A ray sees ground
 // where it first comes down through the surface; touching counts.  A ray that starts below the surface (an
@@ -14,8 +14,7 @@
 #include "common/view/view.h"
 
 struct truth_pixel {
-    double relative[3]; // hit, relative to the eye, metres; meaningful when depth > 0.  z is the surface's
-                        // own there
+    double relative[3]; // hit, relative to the eye, metres, z the surface's own; meaningful when depth > 0
     double depth;       // along forward; 0: sky
     float slope[2];     // dz/dx, dz/dy of the triangle hit, metres per metre
 };
