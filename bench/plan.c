@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { HEAVY_TRIANGLES = 3000000, HEAVY_FRAMES = 6 };
+enum { HEAVY_TRIANGLES = 3000000, HEAVY_FRAMES = 4 };
 
 // "clipmap n=127": the quality knob first, then every knob that is off its default.
 static void name_setting(struct setting *setting)

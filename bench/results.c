@@ -178,24 +178,31 @@ static void add_reasons(cJSON *run_json, const struct run *run, const struct set
         cJSON_AddStringToObject(reasons, "gpu_ms", "the driver has no timer queries");
     }
     if (run->options.repeats < 3) cJSON_AddStringToObject(reasons, "ci95", "fewer than 3 repeats");
-    if (isnan(setting->claimed_px))
-        cJSON_AddStringToObject(reasons, "claimed_px", "this method claims no bound");
-    if (setting->few_frames) {
-        cJSON_AddStringToObject(reasons, "frames",
-                                "drawn so slowly that it flies few frames, spread over the path");
-        cJSON_AddStringToObject(reasons, "temporal_px", "its frames do not follow each other");
-    } else if (setting->temporal_px.count == 0) {
-        cJSON_AddStringToObject(reasons, "temporal_px",
-                                "no ground was drawn in two frames that follow each other");
-    }
     if (!setting->repeats_done)
         cJSON_AddStringToObject(reasons, "frame_ms", "interrupted before a flight was complete");
-    if (!setting->measured)
-        cJSON_AddStringToObject(reasons, "error_px", "interrupted before its frames were measured");
-    else if (setting->error_px.count == 0)
-        cJSON_AddStringToObject(reasons, "error_px", "no pixel to measure");
-    if (setting->type == &null_renderer)
-        cJSON_AddStringToObject(reasons, "roofline_ms", "no triangles are drawn");
+    if (isnan(setting->claimed_px)) {
+        cJSON_AddStringToObject(reasons, "claimed_px", "this method claims no bound");
+        cJSON_AddStringToObject(reasons, "claim_broken_frames", "this method claims no bound");
+    }
+    const char *unmeasured = setting->type == &null_renderer ? "draws nothing: the cost of the harness alone"
+                             : setting->measured             ? NULL
+                                                             : "interrupted before its frames were measured";
+    static const char *const measures[] = {
+        "error_px",   "plane_px",     "temporal_px",    "roofline_ms", "steadiness",
+        "holes",      "misses",       "spills",         "triangles",   "visible_triangles",
+        "draw_calls", "upload_bytes", "pictures_sha256"};
+    for (int m = 0; unmeasured && m < COUNT(measures); m++)
+        cJSON_AddStringToObject(reasons, measures[m], unmeasured);
+    if (setting->few_frames)
+        cJSON_AddStringToObject(reasons, "frames",
+                                "drawn so slowly that it flies few frames, spread over the path");
+    if (unmeasured) return;
+    if (setting->few_frames)
+        cJSON_AddStringToObject(reasons, "temporal_px", "its frames do not follow each other");
+    else if (setting->temporal_px.count == 0)
+        cJSON_AddStringToObject(reasons, "temporal_px",
+                                "no ground was drawn in two frames that follow each other");
+    if (setting->error_px.count == 0) cJSON_AddStringToObject(reasons, "error_px", "no pixel to measure");
 }
 
 static cJSON *pictures_json(const struct setting *setting)

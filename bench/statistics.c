@@ -70,9 +70,11 @@ static double median_of_minima(const double *times, const int *pick, int repeats
     return percentile(scratch, (size_t)frames, 500);
 }
 
-// Frames of one flight are autocorrelated, so whole repeats are resampled, never frames (field.md, section
-// 4).
-static bool bootstrap_median(const double *times, int repeats, int frames, uint64_t seed, double ci95[2])
+// Frames of one flight are autocorrelated, so whole repeats are resampled, never frames.  The minimum over a
+// resample can only lie above the minimum over all repeats, while more repeats could only lower it: the
+// distance to the resamples' 97.5th percentile is therefore laid off on both sides of the estimate.
+static bool bootstrap_median(const double *times, int repeats, int frames, uint64_t seed, double median,
+                             double ci95[2])
 {
     double *medians = malloc(BOOTSTRAP_ROUNDS * sizeof *medians);
     double *scratch = malloc((size_t)frames * sizeof *scratch);
@@ -84,8 +86,9 @@ static bool bootstrap_median(const double *times, int repeats, int frames, uint6
         medians[round] = median_of_minima(times, pick, repeats, frames, scratch);
     }
     if (enough_memory) {
-        ci95[0] = percentile(medians, BOOTSTRAP_ROUNDS, 25);
-        ci95[1] = percentile(medians, BOOTSTRAP_ROUNDS, 975);
+        double above = percentile(medians, BOOTSTRAP_ROUNDS, 975) - median;
+        ci95[0] = median - above;
+        ci95[1] = median + above;
     }
     free(medians);
     free(scratch);
@@ -105,7 +108,8 @@ struct time_summary summarize_times(const double *times, int repeats, int frames
     summary.min = least[0];
     summary.max = least[frames - 1];
     free(least);
-    if (repeats >= 3) summary.has_ci = bootstrap_median(times, repeats, frames, seed, summary.ci95);
+    if (repeats >= 3)
+        summary.has_ci = bootstrap_median(times, repeats, frames, seed, summary.median, summary.ci95);
     return summary;
 }
 

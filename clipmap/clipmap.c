@@ -231,7 +231,8 @@ static void draw(struct renderer *renderer, int view_index, enum render_pass pas
     glBindTexture(GL_TEXTURE_2D_ARRAY, view->heights);
     glBindVertexArray(view->vertex_array);
     glBindBuffer(GL_ARRAY_BUFFER, view->corners);
-    if (c->front_only) glEnable(GL_CULL_FACE);
+    if (c->front_only && pass != PASS_POSITION)
+        glEnable(GL_CULL_FACE); // measuring looks for faces seen from below
     draw_some(c, &c->programs[pass], view, 0, blocks);
     if (!split)
         glDisable(GL_CULL_FACE); // a triangle of no area fills a dropped pixel whichever way it seems to face

@@ -1,10 +1,11 @@
-// The one contract that every terrain renderer fulfils.  The harness, the viewers and the tests see nothing else of
-// clipmap/, geomipmap/ and pgm/; nothing is timed that is not verified through this same table.
+// The one contract that every terrain renderer fulfils.  The harness, the viewers and the tests see nothing
+// else of clipmap/, geomipmap/ and pgm/; nothing is timed that is not verified through this same table.
 //
 // A frame:  begin_frame(n); update(views, count); draw(0, pass) ... draw(count-1, pass); stats().
-// update() selects and uploads; draw() issues GL draws of what was selected for that view, in any pass, any number of times.
-// update and draw are timed apart.  Results depend on the frame number and the views alone, never on the clock.
-// SPDX-License-Identifier: MIT
+// update() selects and uploads; draw() issues GL draws of what was selected for that view, in any pass, any
+// number of times. Faces may be culled in the shaded and depth passes, never in the position pass: what is
+// seen from below shows a crack. update and draw are timed apart.  Results depend on the frame number and the
+// views alone, never on the clock. SPDX-License-Identifier: MIT
 #ifndef COMMON_RENDERER_H
 #define COMMON_RENDERER_H
 
@@ -15,18 +16,18 @@ enum { RENDERER_MAX_VIEWS = 2, RENDERER_MAX_KNOBS = 24 };
 // A knob: one number or one word out of `choices` (its value is then the word's index).
 struct renderer_knob {
     const char *name;
-    const char *help;    // one line: unit and what it trades
-    double fallback;     // the default
+    const char *help; // one line: unit and what it trades
+    double fallback;  // the default
     double min, max;
     const char *choices; // "a|b|c", or NULL for a number
 };
 
 struct renderer_desc {
-    struct gpu *gpu;                      // borrowed until destroy
-    const struct terrain *terrain;        // borrowed until destroy
-    const struct scene_effects *effects;  // borrowed until destroy
-    int width, height;                    // pixels of the largest view
-    double knobs[RENDERER_MAX_KNOBS];     // by index into type->knobs
+    struct gpu *gpu;                     // borrowed until destroy
+    const struct terrain *terrain;       // borrowed until destroy
+    const struct scene_effects *effects; // borrowed until destroy
+    int width, height;                   // pixels of the largest view
+    double knobs[RENDERER_MAX_KNOBS];    // by index into type->knobs
 };
 
 struct renderer_counter { // a figure of the method's own: cache hits, evictions, levels drawn ...
@@ -35,9 +36,10 @@ struct renderer_counter { // a figure of the method's own: cache hits, evictions
 };
 
 struct renderer_stats { // of this frame
-    uint64_t triangles;       // submitted by the last draw of view 0, stitches included, counted by the renderer itself
-    double claimed_error_px;  // what the method promises for this frame's view 0; NAN: it claims nothing
-    uint64_t resident_bytes;  // held in buffers and textures
+    uint64_t
+        triangles; // submitted by the last draw of view 0, stitches included, counted by the renderer itself
+    double claimed_error_px; // what the method promises for this frame's view 0; NAN: it claims nothing
+    uint64_t resident_bytes; // held in buffers and textures
     struct renderer_counter counters[12]; // names NULL beyond the last
 };
 
@@ -47,13 +49,14 @@ struct renderer {
 
 struct renderer_type {
     const char *name;
-    const char *summary;                // one line for --help and the report
-    const struct renderer_knob *knobs;  // ends with a NULL name
-    const char *quality_knob;           // the one that a sweep turns; NULL: none
-    const double *quick, *full;         // its values, coarse to fine; each list ends with NAN
+    const char *summary;               // one line for --help and the report
+    const struct renderer_knob *knobs; // ends with a NULL name
+    const char *quality_knob;          // the one that a sweep turns; NULL: none
+    const double *quick, *full;        // its values, coarse to fine; each list ends with NAN
     struct renderer *(*create)(const struct renderer_desc *desc); // NULL after one line on stderr
     void (*begin_frame)(struct renderer *renderer, int frame);
-    bool (*update)(struct renderer *renderer, const struct view *views, int count); // false after one line on stderr
+    bool (*update)(struct renderer *renderer, const struct view *views,
+                   int count); // false after one line on stderr
     void (*draw)(struct renderer *renderer, int view_index, enum render_pass pass);
     void (*stats)(const struct renderer *renderer, struct renderer_stats *stats);
     void (*destroy)(struct renderer *renderer); // accepts NULL and half-built objects

@@ -256,7 +256,8 @@ static void draw(struct renderer *renderer, int view_index, enum render_pass pas
 {
     struct geomipmap *g = (struct geomipmap *)renderer;
     struct geomipmap_view *view = &g->views[view_index];
-    if (g->front_only) glEnable(GL_CULL_FACE); // seen from below, ground is no ground
+    if (g->front_only && pass != PASS_POSITION)
+        glEnable(GL_CULL_FACE); // measuring looks for faces seen from below
     bind(g, view, pass);
     if (!g->streamed) draw_gathered(g, view, view->drawn);
     for (int start = 0, draws; g->streamed && start < view->drawn; start += draws) {

@@ -425,7 +425,7 @@ static void pgm_draw(struct renderer *renderer, int view_index, enum render_pass
     glBindVertexArray(pgm->vertex_array);
     // The far sides of hills.  A fold of the grid in the picture covers its pixels with one face more that
     // looks here than away, so nothing is uncovered.
-    glEnable(GL_CULL_FACE);
+    if (pass != PASS_POSITION) glEnable(GL_CULL_FACE); // measuring looks for faces seen from below
     if (selection->draws == 1)
         gpu_draw_elements(pgm->desc.gpu, GL_TRIANGLES, (size_t)selection->counts[0], GL_UNSIGNED_INT,
                           selection->firsts[0], 0, selection->triangles);
