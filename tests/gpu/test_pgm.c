@@ -2,8 +2,6 @@
 // where it is. SPDX-License-Identifier: MIT
 #include "tests/gpu/test_pgm.h"
 
-#include "common/scene/scene.h"
-
 // ---- heights
 // -------------------------------------------------------------------------------------------------
 
