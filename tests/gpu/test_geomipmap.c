@@ -513,6 +513,53 @@ static void any_terrain_is_drawn_with_its_own_heights(void **state)
     }
 }
 
+// Cameras that nothing flies with on purpose (E11): every one selects, draws samples of the terrain and
+// leaves no GL error.
+static void any_camera_is_drawn(void **state)
+{
+    struct fixture *f = *state;
+    static const double pitches[] = {-M_PI / 2, -1.2, 0, M_PI / 2}, rolls[] = {0, M_PI / 2, M_PI};
+    static const double fovs[] = {1, 60, 170}, lifts[] = {-400, 0, 5, 1e5};
+    static const int windows[][2] = {{320, 240}, {1, 1}, {1, 480}, {640, 1}};
+    static const double steps_aside_m[] = {0, 1e4, 1e8};
+    struct terrain *terrain = test_fractal(&hills, 14);
+    const struct terrain_info *info = terrain_info(terrain);
+    static const char *const settings[] = {"tau=1", "tau=4 metric=paper delta=published merge=0",
+                                           "tau=0 metric=depth cache=7 faces=both"};
+    uint64_t seed = 15, drawn = 0;
+    int cameras = 0;
+    for (int s = 0; s < 3; s++) {
+        struct renderer *renderer = create(f, terrain, settings[s]);
+        for (int k = 0; k < test_size(60, 600); k++, cameras++) {
+            uint64_t n = test_random(&seed);
+            double x = test_uniform(&seed, info->outline_m[0], info->outline_m[2]), ground = 0;
+            double y = test_uniform(&seed, info->outline_m[1], info->outline_m[3]);
+            assert_true(terrain_truth_at(terrain, x, y, &ground, NULL));
+            const struct camera camera = {
+                {x + steps_aside_m[n % 3], y, ground * info->quantum_m + info->offset_m + lifts[n / 3 % 4]},
+                test_uniform(&seed, -4, 4),
+                pitches[n / 12 % 4],
+                rolls[n / 48 % 3],
+                fovs[n / 144 % 3] * M_PI / 180};
+            struct view view;
+            view_init(&view, terrain, &camera, windows[n / 432 % 4][0], windows[n / 432 % 4][1], 0);
+            update(renderer, &view, 1);
+            draw_hash(f, renderer, terrain, &view, 0);
+            struct mesh mesh = capture(f, renderer, terrain, &view, 0);
+            struct renderer_stats stats;
+            geomipmap_renderer.stats(renderer, &stats);
+            assert_int_equal(mesh.count, stats.triangles);
+            if (steps_aside_m[n % 3] < 1e6) check_vertices(terrain, &view, &mesh);
+            drawn += mesh.count;
+            free(mesh.vertices);
+        }
+        geomipmap_renderer.destroy(renderer);
+    }
+    FIGURE("%d cameras, %llu triangles", cameras, (unsigned long long)drawn);
+    assert_true(drawn > 0);
+    terrain_destroy(terrain);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -523,6 +570,7 @@ int main(void)
         cmocka_unit_test(claim_holds_and_nothing_is_left_out),
         cmocka_unit_test(flat_ground_is_exact_and_cheap),
         cmocka_unit_test(any_terrain_is_drawn_with_its_own_heights),
+        cmocka_unit_test(any_camera_is_drawn),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }
