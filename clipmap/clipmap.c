@@ -22,7 +22,9 @@ static const struct renderer_knob knobs[] = {
      CLIPMAP_STITCH_SPLIT, 0, 2, "none|zero-area|split"},
     {"fade", "fade a level before the viewer's height switches it off", 1, 0, 1, "off|on"},
     {"cull", "draw only blocks that the frustum meets", 1, 0, 1, "off|on"},
-    {"faces", "draw both sides of the surface, or only the one seen from above", 1, 0, 1, "both|front"},
+    {"faces",
+     "draw both sides of the surface, or only what is seen from above (positions are measured with both)", 1,
+     0, 1, "both|front"},
     {NULL, NULL, 0, 0, 0, NULL},
 };
 

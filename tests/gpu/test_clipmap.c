@@ -230,14 +230,14 @@ static void b3_no_pixel_is_dropped(void **state)
     static const int sizes[] = {15, 31, 63, 127, 255, 511};
     struct drops split = {0, 0, 0}, zero_area = {0, 0, 0}, none = {0, 0, 0};
     for (int s = 0; s < 6; s++) {
-        int views = test_size(sizes[s] < 100 ? 60 : 10, 2000);
+        int views = sizes[s] < 100 ? 60 : 10;
         char settings[64];
         snprintf(settings, sizeof settings, "n=%d", sizes[s]);
-        b3_count(f, terrain, settings, views, &split);
+        b3_count(f, terrain, settings, test_size(views, 2000), &split);
         snprintf(settings, sizeof settings, "n=%d stitch=zero-area", sizes[s]);
-        b3_count(f, terrain, settings, views, &zero_area);
+        b3_count(f, terrain, settings, test_size(views, 300), &zero_area);
         snprintf(settings, sizeof settings, "n=%d stitch=none", sizes[s]);
-        b3_count(f, terrain, settings, views, &none);
+        b3_count(f, terrain, settings, test_size(views, 300), &none);
     }
     FIGURE("B3: pixels dropped in %lu views, position and depth pass: split edges %lu %lu, zero-area "
            "triangles %lu %lu, "
@@ -266,7 +266,8 @@ static void culling_leaves_no_trace(void **state)
         struct view view = view_over(terrain, &seed, 0.2, 20000);
         if (i % 5 == 0)
             view.eye_height -= (int64_t)test_uniform(&seed, 0, 300 * 10 * 256); // up to 300 m lower
-        if (i % 7 == 0) view.eye_lattice[0] += (int64_t)test_uniform(&seed, -3e3, 3e3) << view.lattice_bits;
+        if (i % 7 == 0)
+            view.eye_lattice[0] += (int64_t)ldexp(test_uniform(&seed, -3e3, 3e3), view.lattice_bits);
         const struct terrain_info *info = terrain_info(terrain);
         view.eye_m[0] = (double)view.eye_lattice[0] * ldexp(info->spacing_m[0], -view.lattice_bits);
         view.eye_m[2] = (double)view.eye_height * info->quantum_m / 256 + info->offset_m;
@@ -366,7 +367,7 @@ static void far_away_is_like_here(void **state)
         struct view here = view_over(terrains[0], &seed, 2, 2000), there = here;
         for (int axis = 0; axis < 2; axis++) {
             int64_t cells = far.first[axis] - hills.first[axis];
-            there.eye_lattice[axis] += cells << here.lattice_bits;
+            there.eye_lattice[axis] += cells * ((int64_t)1 << here.lattice_bits);
             there.eye_m[axis] += (double)cells * hills.spacing_m[axis];
         }
         assert_int_equal(capture_hash(f, renderers[0], terrains[0], &here),
