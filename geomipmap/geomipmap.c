@@ -76,8 +76,7 @@ struct geomipmap {
     uint16_t *heights_16; // the same, above its base
 };
 
-// ---- the vertex buffer
-// ------------------------------------------------------------------------------------------------
+// ---- the vertex buffer --------------------------------------------------------------------------
 
 static GLuint resized_buffer(struct geomipmap *g, GLuint old, size_t old_bytes, size_t bytes)
 {
@@ -164,8 +163,7 @@ static int gather(struct geomipmap *g, struct geomipmap_view *view, int start)
     return done;
 }
 
-// ---- the frame
-// ----------------------------------------------------------------------------------------------------------
+// ---- the frame ----------------------------------------------------------------------------------
 
 static void begin_frame(struct renderer *renderer, int frame)
 {
@@ -289,8 +287,7 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
     };
 }
 
-// ---- creation
-// -----------------------------------------------------------------------------------------------------------
+// ---- creation -----------------------------------------------------------------------------------
 
 static bool build_programs(struct geomipmap *g, const struct scene_effects *effects)
 {

@@ -1,5 +1,5 @@
-// GeoMipMaps (Brodersen 2005): tiles of the finest level, each drawn at the coarsest level whose error stays
-// within tau, with borders that fit any neighbour, from one vertex buffer that an LRU manager fills.
+// GeoMipMaps (Brodersen 2005): tiles of the finest level, each drawn at the coarsest level whose error
+// stays within tau, with borders that fit any neighbour, from one vertex buffer that an LRU manager fills.
 //
 //   geomipmap_mesh    index sets for every combination of levels
 //   geomipmap_lod     error of a level, error allowed

@@ -24,8 +24,7 @@ void geomipmap_cache_finish(struct geomipmap_cache *cache)
     *cache = (struct geomipmap_cache){0};
 }
 
-// ---- the list, newest to oldest
-// -------------------------------------------------------------------------------------
+// ---- the list, newest to oldest -----------------------------------------------------------------
 
 static void unlink_slot(struct geomipmap_cache *cache, int slot)
 {
@@ -68,8 +67,7 @@ static void renumber_slot(struct geomipmap_cache *cache, int from, int to)
         cache->oldest = to;
 }
 
-// ---- frames and requests
-// --------------------------------------------------------------------------------------------
+// ---- frames and requests ------------------------------------------------------------------------
 
 bool geomipmap_cache_begin_frame(struct geomipmap_cache *cache, int *from, int *to)
 {

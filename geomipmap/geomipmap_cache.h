@@ -1,13 +1,14 @@
 // Which buffer slot holds which tile: the least-recently-used manager of Brodersen 2005, section 5.  No GL.
 //
-// A tile that is asked for and has no slot takes the least recently used one.  A slot is never used twice in
-// a frame: when all were used in this one, the cache grows by a slot instead.  When a frame used fewer slots
-// than there are, the next frame begins by giving one back, and one only.  Slots are always 0 .. slots-1, so
-// that the buffer behind them can follow.
+// A tile that is asked for and has no slot takes the least recently used one.  A slot is never used twice
+// in a frame: when all were used in this one, the cache grows by a slot instead.  When a frame used fewer
+// slots than there are, the next frame begins by giving one back, and one only.  Slots are always 0 ..
+// slots-1, so that the buffer behind them can follow.
 //
-// A cache with a limit may not grow beyond it.  Then a full cache says so: the caller draws what it has asked
-// for so far, begins a new batch and goes on.  With fewer slots than a frame needs, every tile is uploaded in
-// every frame. SPDX-License-Identifier: MIT
+// A cache with a limit may not grow beyond it.  Then a full cache says so: the caller draws what it has
+// asked for so far, begins a new batch and goes on.  With fewer slots than a frame needs, every tile is
+// uploaded in every frame.
+// SPDX-License-Identifier: MIT
 #ifndef GEOMIPMAP_GEOMIPMAP_CACHE_H
 #define GEOMIPMAP_GEOMIPMAP_CACHE_H
 

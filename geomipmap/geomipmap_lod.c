@@ -12,8 +12,7 @@
 // distance; the guard is wider than that, and 0 for a flat tile.
 static const double ROUNDING = 0x1p-44;
 
-// ---- which triangles can be drawn
-// -----------------------------------------------------------------------------------
+// ---- which triangles can be drawn ---------------------------------------------------------------
 
 // A triangle as one number, the same whichever vertex comes first, so that a sort finds those drawn twice.
 static uint64_t pack_triangle(const uint16_t v[3])
@@ -53,8 +52,7 @@ static size_t subtract(uint64_t *keys, size_t count, const uint64_t *others, siz
     return kept;
 }
 
-// ---- probes
-// ---------------------------------------------------------------------------------------------------------
+// ---- probes -------------------------------------------------------------------------------------
 
 struct builder {
     struct geomipmap_plan *plan;
@@ -115,8 +113,8 @@ static void probe_crossing(struct builder *b, int p, int q, int k, int m, int fx
               (double[4]){(double)(m - part) / m, (double)part / m, -(double)(m - k) / m, -(double)k / m});
 }
 
-// Points of an edge where it meets the edges of the finest surface: those run along x, along y and along the
-// diagonal.
+// Points of an edge where it meets the edges of the finest surface: those run along x, along y and along
+// the diagonal.
 static void probe_edge(struct builder *b, uint64_t edge)
 {
     int p = (int)(edge >> 16), q = (int)(edge & 0xffff);
@@ -140,8 +138,7 @@ static void probe_triangles(struct builder *b, const uint64_t *triangles, size_t
     for (size_t i = 0; i < edge_count; i++) probe_edge(b, edges[i]);
 }
 
-// ---- the plan
-// -------------------------------------------------------------------------------------------------------
+// ---- the plan -----------------------------------------------------------------------------------
 
 struct keys { // what some configurations of a level draw
     uint64_t *triangles, *edges;
@@ -254,13 +251,12 @@ void geomipmap_plan_measure(const struct geomipmap_plan *plan, enum geomipmap_de
     }
 }
 
-// ---- what is allowed
-// ------------------------------------------------------------------------------------------------
+// ---- what is allowed ----------------------------------------------------------------------------
 
 // A vertical segment of length d from p to q shows as exactly  K d |v_xy - t v_w| / w_q  pixels, where v is
-// the unit vertical in the camera's axes and t the tangents of p (numerics.md, C1 bounds the same by sqrt(1 +
-// T^2)).  If p is the end that is seen, t lies in the window, over which the factor is largest at a corner,
-// and w_q >= w_p - d |v_w|.
+// the unit vertical in the camera's axes and t the tangents of p (numerics.md, C1 bounds the same by sqrt(1
+// + T^2)).  If p is the end that is seen, t lies in the window, over which the factor is largest at a
+// corner, and w_q >= w_p - d |v_w|.
 void geomipmap_judge_init(struct geomipmap_judge *judge, enum geomipmap_metric metric, double tau_px,
                           const struct view *view)
 {

@@ -1,5 +1,5 @@
-// How wrong a tile is at each level, and how wrong it may be (Brodersen 2005, section 4; numerics.md, G2 and
-// C1-C3).  No GL.
+// How wrong a tile is at each level, and how wrong it may be (Brodersen 2005, section 4; numerics.md, G2
+// and C1-C3).  No GL.
 //
 // A tile draws every 2^height-th sample of the finest level at its level 0 (height 0: every one), every
 // 2^(height + l)-th at level l.
@@ -8,11 +8,12 @@
 // surface, anywhere in the tile.
 //   published: delta_l, over the vertices of the finest level under the level's own triangles.
 //   stable:    delta'_l, also over every triangulation of the border that a finer neighbour can ask for.
-//   Added vertices are exact,
-//              but the fan they make is another triangulation, up to twice as wrong (G2).
-// Both surfaces are linear between the points where an edge of one meets an edge of the other, so the largest
-// distance stands at one of those points.  Which points these are depends on the tile's size alone: they are
-// listed once, as weights of four vertices, and each tile only sums them up. SPDX-License-Identifier: MIT
+//              Added vertices are exact, but the fan they make is another triangulation, up to twice as
+//              wrong (G2).
+// Both surfaces are linear between the points where an edge of one meets an edge of the other, so the
+// largest distance stands at one of those points.  Which points these are depends on the tile's size alone:
+// they are listed once, as weights of four vertices, and each tile only sums them up.
+// SPDX-License-Identifier: MIT
 #ifndef GEOMIPMAP_GEOMIPMAP_LOD_H
 #define GEOMIPMAP_GEOMIPMAP_LOD_H
 
@@ -56,8 +57,7 @@ void geomipmap_plan_measure(const struct geomipmap_plan *plan, enum geomipmap_de
                             const double *heights, const double range[GEOMIPMAP_LANES],
                             float error[GEOMIPMAP_LANES][GEOMIPMAP_MAX_LEVELS]);
 
-// ---- what is allowed
-// ------------------------------------------------------------------------------------------------
+// ---- what is allowed ----------------------------------------------------------------------------
 
 enum geomipmap_metric {
     GEOMIPMAP_PAPER, // K d / D, D the Euclidean distance to the tile's box: too small off the axis

@@ -1,15 +1,16 @@
 // The index sets of one tile, for every combination of its own level and its four neighbours' (Brodersen
 // 2005, sections 4 and 5).  No GL.
 //
-// A tile has 2^bits cells a side and (2^bits + 1)^2 vertices, numbered row by row from the south-west corner.
-// At level l it draws every 2^l-th vertex; the coarsest level, bits - 1, still has 2 x 2 cells.  Each cell is
-// split along the diagonal (i, j)-(i+1, j+1), so that triangles of a coarse level are unions of fine ones.
-// Where a neighbour is finer, the missing vertices are ADDED to the shared edge: the border triangle that
-// owns the edge becomes a fan.  A neighbour that is coarser adapts itself, so it counts as "same level", and
-// so does a neighbour that is not drawn.
+// A tile has 2^bits cells a side and (2^bits + 1)^2 vertices, numbered row by row from the south-west
+// corner. At level l it draws every 2^l-th vertex; the coarsest level, bits - 1, still has 2 x 2 cells.
+// Each cell is split along the diagonal (i, j)-(i+1, j+1), so that triangles of a coarse level are unions
+// of fine ones. Where a neighbour is finer, the missing vertices are ADDED to the shared edge: the border
+// triangle that owns the edge becomes a fan.  A neighbour that is coarser adapts itself, so it counts as
+// "same level", and so does a neighbour that is not drawn.
 //
 // Sets: sum of k^4 for k = 1..bits (354 for 17 x 17).  Every set covers the tile exactly once,
-// counter-clockwise seen from above. SPDX-License-Identifier: MIT
+// counter-clockwise seen from above.
+// SPDX-License-Identifier: MIT
 #ifndef GEOMIPMAP_GEOMIPMAP_MESH_H
 #define GEOMIPMAP_GEOMIPMAP_MESH_H
 
@@ -46,8 +47,8 @@ void geomipmap_mesh_finish(struct geomipmap_mesh *mesh); // accepts a zeroed mes
 // level).
 int geomipmap_mesh_set(int level, const int neighbours[GEOMIPMAP_SIDES]);
 
-// Writes the triangles of one set to `out` (room for geomipmap_mesh_bound(bits) indices); returns the number
-// of indices.
+// Writes the triangles of one set to `out` (room for geomipmap_mesh_bound(bits) indices); returns the
+// number of indices.
 int geomipmap_mesh_write(int bits, int level, const int neighbours[GEOMIPMAP_SIDES], uint16_t *out);
 size_t geomipmap_mesh_bound(int bits); // more indices than any set has
 

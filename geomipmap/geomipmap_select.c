@@ -53,8 +53,7 @@ struct scan { // of one view
     bool failed;
 };
 
-// ---- levels
-// ---------------------------------------------------------------------------------------------------------
+// ---- levels -------------------------------------------------------------------------------------
 
 struct box { // relative to the eye, metres
     double low[3], high[3];
@@ -116,8 +115,7 @@ static int choose_level(const struct scan *scan, struct geomipmap_place place, c
     return level_at_depth(scan, error, fmax(depth, seen_depth), 0);
 }
 
-// ---- picks
-// ----------------------------------------------------------------------------------------------------------
+// ---- picks --------------------------------------------------------------------------------------
 
 static void set_cover(struct scan *scan, struct geomipmap_place place, struct geomipmap_cover cover)
 {
@@ -207,8 +205,7 @@ static void scan_tile(struct scan *scan, struct geomipmap_place place, unsigned 
     visit_tiles(scan, first_child(place), 2, scan_tile, side == FRUSTUM_OUTSIDE ? MASK_OUTSIDE : mask);
 }
 
-// ---- borders
-// --------------------------------------------------------------------------------------------------------
+// ---- borders ------------------------------------------------------------------------------------
 
 // The tiles of height 0 along the outside of one side of a tile.
 struct fringe {
@@ -240,7 +237,8 @@ static struct geomipmap_cover cover_at(const struct scan *scan, const struct fri
 }
 
 // The smallest step along one side of a tile, its own and its neighbours'; those not drawn ask for nothing.
-// The edge of the map stands against the sky wherever it is seen, so it gets every sample that the tile has.
+// The edge of the map stands against the sky wherever it is seen, so it gets every sample that the tile
+// has.
 static int side_step(const struct scan *scan, struct geomipmap_place place, int own, enum geomipmap_side side)
 {
     struct fringe fringe = tile_fringe(scan, place, side);
@@ -252,8 +250,8 @@ static int side_step(const struct scan *scan, struct geomipmap_place place, int 
     return own;
 }
 
-// The step that a tile must draw along one side.  Beside a larger tile it is decided along the whole side of
-// that one.
+// The step that a tile must draw along one side.  Beside a larger tile it is decided along the whole side
+// of that one.
 static int border_step(const struct scan *scan, const struct geomipmap_pick *pick, enum geomipmap_side side)
 {
     struct geomipmap_place place = pick->place;
@@ -301,8 +299,8 @@ static void split_pick(struct scan *scan, int index)
     selection->list[index] = selection->list[first];
 }
 
-// Splits merged tiles until each has the samples that its neighbours draw.  Every split makes tiles smaller,
-// so this ends.
+// Splits merged tiles until each has the samples that its neighbours draw.  Every split makes tiles
+// smaller, so this ends.
 static void split_coarse_neighbours(struct scan *scan)
 {
     struct geomipmap_selection *selection = scan->selection;

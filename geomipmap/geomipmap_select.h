@@ -2,13 +2,14 @@
 // sections 4 and 5).  No GL.
 //
 // From the largest tiles down, what the frustum does not meet is dropped (n- and p-vertex test with plane
-// masking).  A tile is drawn where one of its two coarsest levels will do; else the four smaller tiles in its
-// place are looked at.  The smallest are drawn at whatever level they need.  Tiles come front to back.
+// masking).  A tile is drawn where one of its two coarsest levels will do; else the four smaller tiles in
+// its place are looked at.  The smallest are drawn at whatever level they need.  Tiles come front to back.
 //
-// Two tiles draw the same vertices along the border that they share: those of the finer side; where a merged
-// tile meets several smaller ones, those of the finest of all along that side.  A merged tile has every
-// 2^height-th sample; beside a tile that draws more it is split.  Tiles outside the frustum take part in
-// this, so that what is seen does not depend on culling. SPDX-License-Identifier: MIT
+// Two tiles draw the same vertices along the border that they share: those of the finer side; where a
+// merged tile meets several smaller ones, those of the finest of all along that side.  A merged tile has
+// every 2^height-th sample; beside a tile that draws more it is split.  Tiles outside the frustum take part
+// in this, so that what is seen does not depend on culling.
+// SPDX-License-Identifier: MIT
 #ifndef GEOMIPMAP_GEOMIPMAP_SELECT_H
 #define GEOMIPMAP_GEOMIPMAP_SELECT_H
 
@@ -46,8 +47,8 @@ struct geomipmap_selection {
 bool geomipmap_selection_init(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles);
 void geomipmap_selection_finish(struct geomipmap_selection *selection); // accepts a zeroed selection
 
-// Replaces the selection by that of a view.  Allocates only when there are more picks than ever before. False
-// after one line on stderr.
+// Replaces the selection by that of a view.  Allocates only when there are more picks than ever before.
+// False after one line on stderr.
 bool geomipmap_select(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles,
                       const struct geomipmap_choice *choice, const struct view *view);
 

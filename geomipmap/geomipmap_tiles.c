@@ -25,8 +25,7 @@ static struct geomipmap_range join(struct geomipmap_range a, struct geomipmap_ra
     return (struct geomipmap_range){a.low < b.low ? a.low : b.low, a.high > b.high ? a.high : b.high};
 }
 
-// ---- measuring
-// ------------------------------------------------------------------------------------------------------
+// ---- measuring ----------------------------------------------------------------------------------
 
 struct job { // one row of tiles of one height a block of work
     struct geomipmap_tiles *tiles;
@@ -124,8 +123,7 @@ static void join_height(struct geomipmap_tiles *tiles, int height)
         }
 }
 
-// ---- the whole
-// ------------------------------------------------------------------------------------------------------
+// ---- the whole ----------------------------------------------------------------------------------
 
 static bool allocate(struct geomipmap_tiles *tiles, int64_t columns, int64_t rows)
 {

@@ -1,26 +1,24 @@
 // The tiles of a terrain: where they are, how high, and how wrong each is at each level.  No GL.
 //
-// A tile of height 0 covers 2^bits cells of the finest level and holds every sample of them; neighbours share
-// a row of samples. 2 x 2 tiles merge into a tile of the next height, which covers twice the ground with the
-// same number of vertices: every 2^height-th sample.  Distant ground is drawn with those, so that it costs
-// neither a draw call nor eight triangles for every small tile (merge 0 is Brodersen 2005 as published).
-// Where no tile may be drawn any more, the tree goes on for culling alone: its nodes are the paper's map
-// blocks.
+// A tile of height 0 covers 2^bits cells of the finest level and holds every sample of them; neighbours
+// share a row of samples. 2 x 2 tiles merge into a tile of the next height, which covers twice the ground
+// with the same number of vertices: every 2^height-th sample.  Distant ground is drawn with those, so that
+// it costs neither a draw call nor eight triangles for every small tile (merge 0 is Brodersen 2005 as
+// published). Where no tile may be drawn any more, the tree goes on for culling alone: its nodes are the
+// paper's map blocks.
 //
 // Tile (column, row) of height h covers 2^(bits + h) cells from sample (x0 + column 2^(bits+h), y0 + row
 // 2^(bits+h)).  Tiles that stick out of the map's north and east edge repeat its last samples, which the
-// exact outline cuts away again. SPDX-License-Identifier: MIT
+// exact outline cuts away again.
+// SPDX-License-Identifier: MIT
 #ifndef GEOMIPMAP_GEOMIPMAP_TILES_H
 #define GEOMIPMAP_GEOMIPMAP_TILES_H
 
 #include "common/terrain/terrain.h"
 #include "geomipmap/geomipmap_lod.h"
 
-enum {
-    GEOMIPMAP_BLOCK_HEIGHT =
-        3, // culling begins with blocks of 8 x 8 tiles, or larger when tiles merge to that
-    GEOMIPMAP_MAX_HEIGHTS = GEOMIPMAP_BLOCK_HEIGHT + 1,
-};
+// Without merging, culling begins with blocks of 8 x 8 tiles.
+enum { GEOMIPMAP_BLOCK_HEIGHT = 3, GEOMIPMAP_MAX_HEIGHTS = GEOMIPMAP_BLOCK_HEIGHT + 1 };
 
 struct geomipmap_range { // lowest and highest sample, quanta
     int32_t low, high;

@@ -1,5 +1,6 @@
-// GeoMipMaps as drawn: every vertex is a sample of the terrain, the mesh is watertight, the picture does not
-// depend on culling or on how large the cache may be, and the claim holds. SPDX-License-Identifier: MIT
+// GeoMipMaps as drawn: every vertex is a sample of the terrain, the mesh is watertight, the picture does
+// not depend on culling or on how large the cache may be, and the claim holds.
+// SPDX-License-Identifier: MIT
 #include "tests/unit/test_geomipmap.h"
 #include "bench/error.h"
 #include "geomipmap/geomipmap.h"
@@ -115,8 +116,7 @@ static double counter(const struct renderer *renderer, const char *name)
     return 0;
 }
 
-// ---- the captured mesh
-// ----------------------------------------------------------------------------------------------
+// ---- the captured mesh --------------------------------------------------------------------------
 
 struct mesh {
     float (*vertices)[3];
@@ -249,8 +249,7 @@ static void mesh_is_watertight_and_made_of_samples(void **state)
     terrain_destroy(terrain);
 }
 
-// ---- pictures
-// -------------------------------------------------------------------------------------------------------
+// ---- pictures -----------------------------------------------------------------------------------
 
 static void culling_leaves_the_picture_as_it_is(void **state)
 {
@@ -362,8 +361,7 @@ static void growing_and_shrinking_keep_the_picture(void **state)
     terrain_destroy(terrain);
 }
 
-// ---- against the truth
-// ----------------------------------------------------------------------------------------------
+// ---- against the truth --------------------------------------------------------------------------
 
 struct judged {
     double worst_px; // of drawn ground
@@ -470,8 +468,8 @@ static void flat_ground_is_exact_and_cheap(void **state)
             struct judged judged = judge_frame(f, renderer, terrain, surface, &view);
             assert_true(judged.worst_px <= 1e-3);
             assert_int_equal(judged.holes, 0);
-            // 4 x 3 tiles of 128 cells cover the map; each has 2 x 2 cells, and 14 vertices more on a side at
-            // the map's edge.
+            // 4 x 3 tiles of 128 cells cover the map; each has 2 x 2 cells, and 14 vertices more on a side
+            // at the map's edge.
             struct renderer_stats stats;
             geomipmap_renderer.stats(renderer, &stats);
             assert_true(stats.triangles <= 4 * 3 * 8 + 2 * (4 + 3) * 14);

@@ -1,5 +1,6 @@
 // The LRU manager, case C5 of numerics.md: a model of the buffer holds, for every slot, the tile that was
-// last written there. SPDX-License-Identifier: MIT
+// last written there.
+// SPDX-License-Identifier: MIT
 #include "geomipmap/geomipmap_cache.h"
 #include "tests/test.h"
 
@@ -80,8 +81,8 @@ static void static_frames_upload_nothing_after_warm_up(void **state)
     }
 }
 
-// One slot short and no growth: every tile is uploaded in every frame, the thrash that the paper's growth is
-// there to avoid.
+// One slot short and no growth: every tile is uploaded in every frame, the thrash that the paper's growth
+// is there to avoid.
 static void one_slot_short_uploads_everything(void **state)
 {
     (void)state;

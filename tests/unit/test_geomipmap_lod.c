@@ -9,8 +9,7 @@
 
 enum { MAX_ROW = 33, FINE = 8 }; // FINE: samples a cell of the dense check
 
-// ---- patches
-// --------------------------------------------------------------------------------------------------------
+// ---- patches ------------------------------------------------------------------------------------
 
 // Midpoint displacement: heights of a (2^bits + 1)^2 patch that falls off by `rough` from one scale to the
 // next.
@@ -59,8 +58,7 @@ static void measure(const struct geomipmap_plan *plan, enum geomipmap_delta delt
     memcpy(error, all[lane], sizeof all[lane]);
 }
 
-// ---- the dense check: all in integers
-// -------------------------------------------------------------------------------
+// ---- the dense check: all in integers -----------------------------------------------------------
 
 // Finest surface at (x, y) / FINE cells, times FINE.
 static int64_t finest_at(const int32_t *heights, int row, int x, int y)
@@ -74,8 +72,8 @@ static int64_t finest_at(const int32_t *heights, int row, int x, int y)
     return z00 * FINE + v * (z01 - z00) + u * (z11 - z01);
 }
 
-// Largest excess of |drawn - finest| over `allowed` quanta in one triangle: positive means that the bound is
-// broken.  All products are integers below 2^53, and allowed is a float: nothing is rounded.
+// Largest excess of |drawn - finest| over `allowed` quanta in one triangle: positive means that the bound
+// is broken.  All products are integers below 2^53, and allowed is a float: nothing is rounded.
 static double triangle_excess(const int32_t *heights, int row, const uint16_t v[3], double allowed)
 {
     int x[3], y[3], low_x = INT32_MAX, high_x = 0, low_y = INT32_MAX, high_y = 0;
@@ -212,8 +210,7 @@ static void flat_and_level_zero_have_no_error(void **state)
     }
 }
 
-// ---- what is allowed
-// ------------------------------------------------------------------------------------------------
+// ---- what is allowed ----------------------------------------------------------------------------
 
 static struct view make_view(double yaw, double pitch, double roll, double fov, int width, int height)
 {
@@ -279,8 +276,8 @@ static void safe_metric_holds_anywhere_in_the_window(void **state)
     assert_true(broken[GEOMIPMAP_DEPTH] > 0);
 }
 
-// The closed form never allows less than K d sqrt(1 + T^2) / w <= tau, the bound of numerics.md C1, once the
-// displaced end is no nearer than the seen one.
+// The closed form never allows less than K d sqrt(1 + T^2) / w <= tau, the bound of numerics.md C1, once
+// the displaced end is no nearer than the seen one.
 static void safe_metric_is_at_least_as_tight_as_c1(void **state)
 {
     (void)state;
@@ -295,8 +292,7 @@ static void safe_metric_is_at_least_as_tight_as_c1(void **state)
     }
 }
 
-// ---- tiles
-// ----------------------------------------------------------------------------------------------------------
+// ---- tiles --------------------------------------------------------------------------------------
 
 static struct terrain *make_terrain(int width, int height, int32_t scale, uint64_t *seed)
 {

@@ -1,5 +1,6 @@
 // Index sets: the counts of numerics.md G1, each set covers the tile once, and borders fit every neighbour
-// (C4). SPDX-License-Identifier: MIT
+// (C4).
+// SPDX-License-Identifier: MIT
 #include "geomipmap/geomipmap_mesh.h"
 #include "tests/test.h"
 
@@ -50,8 +51,8 @@ static int common_side(int ax, int ay, int bx, int by, int cells)
     return -1;
 }
 
-// Triangles that turn the same way, meet their neighbours edge to edge, close along the outline and add up to
-// the tile's area cover it exactly once.
+// Triangles that turn the same way, meet their neighbours edge to edge, close along the outline and add up
+// to the tile's area cover it exactly once.
 static struct border check_set(const struct geomipmap_mesh *mesh, int set)
 {
     int cells = 1 << mesh->bits, row = cells + 1;
@@ -119,8 +120,7 @@ static void each_set_covers_the_tile_once(void **state)
     }
 }
 
-// ---- borders
-// --------------------------------------------------------------------------------------------------------
+// ---- borders ------------------------------------------------------------------------------------
 
 struct known_set {
     int level, neighbours[GEOMIPMAP_SIDES];
@@ -142,8 +142,8 @@ static int list_sets(const struct geomipmap_mesh *mesh, struct known_set *sets)
     return count;
 }
 
-// Tile a with its side `side` against tile b with the opposite one: do they draw each other's edge?  `asked`:
-// the levels that each takes the other to have.
+// Tile a with its side `side` against tile b with the opposite one: do they draw each other's edge?
+// `asked`: the levels that each takes the other to have.
 static bool may_meet(const struct known_set *a, const struct known_set *b, int side)
 {
     int asked_by_a = a->neighbours[side], asked_by_b = b->neighbours[(side + 2) % 4];

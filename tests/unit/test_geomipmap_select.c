@@ -1,5 +1,6 @@
 // What is selected of a view: nothing visible is missing, borders agree, and the claim holds for everything
-// that is seen. SPDX-License-Identifier: MIT
+// that is seen.
+// SPDX-License-Identifier: MIT
 #include "geomipmap/geomipmap_select.h"
 #include "tests/unit/test_geomipmap.h"
 
@@ -128,8 +129,7 @@ static void nothing_visible_is_missing(void **state)
     assert_true(drawn > 0 && hidden > 0);
 }
 
-// ---- borders and order
-// ----------------------------------------------------------------------------------------------
+// ---- borders and order --------------------------------------------------------------------------
 
 // The vertices of every drawn border, in samples of the finest level: both tiles must draw the same ones.
 // Each pick marks those on its four sides, once for the tiles to the south or west of the line and once for
@@ -227,7 +227,8 @@ static void culling_changes_nothing_that_is_seen(void **state)
     }
 }
 
-// A tile may hide another only if it comes before it: along both axes it lies between the eye and that tile.
+// A tile may hide another only if it comes before it: along both axes it lies between the eye and that
+// tile.
 static void tiles_come_front_to_back(void **state)
 {
     (void)state;
@@ -266,8 +267,7 @@ static void tiles_come_front_to_back(void **state)
     assert_true(pairs > 0);
 }
 
-// ---- the claim
-// ------------------------------------------------------------------------------------------------------
+// ---- the claim ----------------------------------------------------------------------------------
 
 // Error on the screen at the samples under one drawn triangle, where either surface is seen.  heights: all
 // samples of the finest level in the tile, `row` in a row; x, y: the triangle's corners among them.
