@@ -420,6 +420,7 @@ static void test_ends_agree_with_the_clipped_box(void **state)
         // stretches.
         double guard_near = 0.05 / fabs(sin(view.pitch - half)),
                guard_far = 0.05 / fabs(sin(view.pitch + half));
+        if (rect[0] + guard_near >= high[0]) continue; // the guard alone reaches the map
         cases++;
         assert_false(sampler.empty);
         assert_true(sampler.near_m <= rect[0] + guard_near);
