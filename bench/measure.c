@@ -178,7 +178,7 @@ static double time_roofline(struct measure *measure, struct run *run)
 {
     double least = NAN;
     if (!roofline_build(measure->roofline)) return least;
-    for (int repeat = -1; repeat < ROOFLINE_REPEATS; repeat++) { // -1: not counted
+    for (int repeat = 0; repeat < ROOFLINE_REPEATS; repeat++) {
         gpu_finish(run->gpu);
         double start = run->cpu_times ? clock_thread_ms() : clock_wall_ms();
         gpu_set_view(run->gpu, run->scene->terrain, &measure->view);
@@ -186,7 +186,7 @@ static double time_roofline(struct measure *measure, struct run *run)
         roofline_draw(measure->roofline);
         gpu_finish(run->gpu);
         double time = (run->cpu_times ? clock_thread_ms() : clock_wall_ms()) - start;
-        if (repeat >= 0 && !(time > least)) least = time;
+        if (!(time > least)) least = time;
     }
     return least;
 }

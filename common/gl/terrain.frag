@@ -25,15 +25,29 @@ void main()
     colour = vec4(ramp(sqrt(clamp(t, 0.0, 1.0))) * light, 1.0); // the root spreads the lowlands, where most ground is
 }
 #elif defined(PASS_POSITION)
-noperspective in vec3 v_edge_px; // side.geom
-const float SNAP_PX = 1.4142136 / 256.0;
+noperspective in vec3 v_weight; // side.geom
+flat in vec4 v_corners[3];
+flat in vec4 v_side;
 layout(location = 0) out vec4 position_and_side;
+
+// sqrt(2) steps of the sub-pixel grid: a corner moves by half a step along each axis, and the distance to an edge is
+// interpolated between corners that moved as far.
+const float SNAP_PX = 1.4142136 / 256.0;
+
+vec3 nearest_point_of_triangle()
+{
+    vec3 weight = max(v_weight, 0.0) / vec3(v_corners[0].w, v_corners[1].w, v_corners[2].w);
+    vec3 sum = weight.x * v_corners[0].xyz + weight.y * v_corners[1].xyz + weight.z * v_corners[2].xyz;
+    return sum / (weight.x + weight.y + weight.z);
+}
 
 void main()
 {
     if (outside_map()) discard;
-    float inside_px = min(v_edge_px.x, min(v_edge_px.y, v_edge_px.z));
-    position_and_side = vec4(v_relative, inside_px > SNAP_PX ? -1.0 : 1.0);
+    vec3 inside_px = v_weight * v_side.xyz;
+    bool below = v_side.w < 0.0 && min(inside_px.x, min(inside_px.y, inside_px.z)) > SNAP_PX;
+    bool outside = v_side.w != 0.0 && min(v_weight.x, min(v_weight.y, v_weight.z)) < 0.0 && v_side.x < 1e8;
+    position_and_side = vec4(outside ? nearest_point_of_triangle() : v_relative, below ? -1.0 : 1.0);
 }
 #else
 void main()
