@@ -65,8 +65,12 @@ static void test_flat_ground_is_exactly_flat(void **state)
                     fabs(exact) * 0x1p-22); // two roundings of the way there
         struct frame_error error = measure_frame(gpu, renderer, terrain, &view, NULL);
         assert_true(error.ground > 1000 && error.holes == 0);
-        if (k == 0) FIGURE("flat at 8848.86 m: error_px max %.2g (bound 1e-3)", largest_error_px(&error));
-        assert_true(largest_error_px(&error) <= 1e-3 || error.misses + error.spills > 0);
+        double largest = 0;
+        for (size_t p = 0; p < 640 * 480; p++)
+            if (error.kind[p] == PIXEL_GROUND) largest = fmax(largest, (double)error.error_px[p]);
+        if (k == 0) FIGURE("flat at 8848.86 m: error_px max %.2g (bound 1e-3)", largest);
+        assert_true(largest <= 1e-3 &&
+                    error.misses + error.spills <= 4); // the outline, as closely as brute has it
         frame_error_finish(&error);
         pgm_renderer.destroy(renderer);
     }
