@@ -9,8 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-// ---- null
-// ---------------------------------------------------------------------------------------------------------
+// ---- null ------------------------------------------------------------------
 
 static struct renderer *null_create(const struct renderer_desc *desc)
 {
@@ -62,8 +61,7 @@ const struct renderer_type null_renderer = {
     .destroy = null_destroy,
 };
 
-// ---- the uniform grid
-// -----------------------------------------------------------------------------------------------
+// ---- the uniform grid ------------------------------------------------------
 
 enum { KNOB_STEP, KNOB_CULL, KNOB_COUNT };
 enum { BLOCK = 32 }; // quads along a culled block: small enough to cull well, large enough for few draws

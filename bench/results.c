@@ -1,21 +1,17 @@
-// results.json (schema 1), frames/*.csv and pictures/*.png.  Every field is defined in reports/README.md.
+// results.json (schema 1).  Every field is defined in reports/README.md.
 // A number that was not measured is null and `reasons` says why; NaN and Inf are never written.
 // SPDX-License-Identifier: MIT
 #include "bench/machine.h"
-#include "bench/run.h"
+#include "bench/result_files.h"
 #include "common/cli.h"
-#include "common/image.h"
 #include "common/report.h"
 
 #include <cjson/cJSON.h>
-#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <time.h>
-#include <unistd.h>
 
 static const double equal_error_px[] = {0.125, 0.25, 0.5, 1, 2, 4, 8};
 static const double equal_time_ms[] = {1, 2, 5, 10, 20, 50, 100, 200, 500};
@@ -23,8 +19,7 @@ static const double field_error_px[] = {0.1, 0.03, 0.013}; // mean errors at whi
 
 #define COUNT(array) ((int)(sizeof(array) / sizeof(array)[0]))
 
-// ---- small helpers
-// --------------------------------------------------------------------------------------------------
+// ---- small helpers -----------------------------------------------------------------------------
 
 static void add_number(cJSON *object, const char *key, double value)
 {
@@ -101,8 +96,7 @@ static double draw_over_roofline(const struct frame_record *record)
     return record->draw_ms / record->roofline_ms;
 }
 
-// ---- one run
-// --------------------------------------------------------------------------------------------------------
+// ---- one run -----------------------------------------------------------------------------------
 
 static void add_times(cJSON *run_json, const char *key, const struct setting *setting, int column,
                       uint64_t seed)
@@ -207,7 +201,6 @@ static void add_reasons(cJSON *run_json, const struct run *run, const struct set
 
 static cJSON *pictures_json(const struct setting *setting)
 {
-    static const char *const names[MOMENT_COUNT] = {"start", "middle", "worst"};
     cJSON *array = cJSON_CreateArray();
     for (int m = 0; m < MOMENT_COUNT; m++) {
         const struct snapshot *snapshot = &setting->snapshots[m];
@@ -215,11 +208,11 @@ static cJSON *pictures_json(const struct setting *setting)
         char path[256];
         cJSON *json = cJSON_CreateObject();
         cJSON_AddItemToArray(array, json);
-        cJSON_AddStringToObject(json, "moment", names[m]);
+        cJSON_AddStringToObject(json, "moment", moment_names[m]);
         cJSON_AddNumberToObject(json, "frame", snapshot->frame);
-        snprintf(path, sizeof path, "pictures/%s_%s.png", setting->slug, names[m]);
+        snprintf(path, sizeof path, "pictures/%s_%s.png", setting->slug, moment_names[m]);
         cJSON_AddStringToObject(json, "picture", path);
-        snprintf(path, sizeof path, "pictures/%s_%s_error.png", setting->slug, names[m]);
+        snprintf(path, sizeof path, "pictures/%s_%s_error.png", setting->slug, moment_names[m]);
         cJSON_AddStringToObject(json, "error", path);
         add_number(json, "error_px_p999", snapshot->error_px_p999);
     }
@@ -287,8 +280,7 @@ static cJSON *run_json(struct run *run, struct setting *setting, struct error_su
     return json;
 }
 
-// ---- curves over a renderer's settings
-// ------------------------------------------------------------------------------
+// ---- curves over a renderer's settings ---------------------------------------------------------
 
 struct curve { // a renderer's measured settings
     const struct renderer_type *type;
@@ -416,8 +408,7 @@ static void add_agreement(cJSON *root, const struct run *run)
     cJSON_AddNullToObject(root, "agreement");
 }
 
-// ---- the rest of the document
-// ---------------------------------------------------------------------------------------
+// ---- the rest of the document ------------------------------------------------------------------
 
 static void add_machine(cJSON *root, const struct run *run)
 {
@@ -528,96 +519,13 @@ static bool shows_pictures(const struct run *run, const struct error_summary *er
     return true;
 }
 
-// ---- files
-// ----------------------------------------------------------------------------------------------------------
-
-// Writes a whole text file under a temporary name and renames it.
-static bool write_text(const char *path, const char *text)
-{
-    char part[1100];
-    snprintf(part, sizeof part, "%s.part", path);
-    FILE *file = fopen(part, "wb");
-    bool good = file && fputs(text, file) >= 0;
-    if (file && fclose(file) != 0) good = false;
-    if (good && rename(part, path) != 0) good = false;
-    if (!good) {
-        int error = errno;
-        unlink(part);
-        return fail("%s: cannot be written: %s", path, strerror(error));
-    }
-    return true;
-}
-
-static int csv_cell(char *out, size_t size, double value)
-{
-    return isfinite(value) ? snprintf(out, size, ",%.9g", value) : snprintf(out, size, ",");
-}
-
-static bool write_csv(const struct setting *setting, const char *folder)
-{
-    static const char head[] =
-        "frame,frame_ms,update_ms,draw_ms,wall_ms,worker_ms,roofline_ms,triangles,visible_triangles,"
-        "draw_calls,upload_bytes,error_px_mean,error_px_p999,error_px_max,holes,misses,spills,"
-        "temporal_px_p999\n";
-    size_t size = sizeof head + (size_t)setting->frame_count * 512, length = sizeof head - 1;
-    char *text = malloc(size), path[1024];
-    if (!text) return fail("out of memory");
-    memcpy(text, head, sizeof head);
-    for (int i = 0; i < setting->frame_count; i++) {
-        const struct frame_record *r = &setting->records[i];
-        const double cells[] = {r->frame_ms,        r->update_ms,    r->draw_ms,       r->wall_ms,
-                                r->worker_ms,       r->roofline_ms,  r->triangles,     r->visible_triangles,
-                                r->draw_calls,      r->upload_bytes, r->error_px_mean, r->error_px_p999,
-                                r->error_px_max,    r->holes,        r->misses,        r->spills,
-                                r->temporal_px_p999};
-        length += (size_t)snprintf(text + length, size - length, "%d", setting->frames[i]);
-        for (int c = 0; c < COUNT(cells); c++)
-            length += (size_t)csv_cell(text + length, size - length, cells[c]);
-        length += (size_t)snprintf(text + length, size - length, "\n");
-    }
-    snprintf(path, sizeof path, "%s/frames/%s.csv", folder, setting->slug);
-    bool good = write_text(path, text);
-    free(text);
-    return good;
-}
-
-static bool write_pictures(const struct run *run, const struct setting *setting, const char *folder)
-{
-    static const char *const names[MOMENT_COUNT] = {"start", "middle", "worst"};
-    int width = run->scene->width, height = run->scene->height;
-    for (int m = 0; m < MOMENT_COUNT; m++) {
-        const struct snapshot *snapshot = &setting->snapshots[m];
-        char path[1024];
-        if (snapshot->frame < 0) continue;
-        snprintf(path, sizeof path, "%s/pictures/%s_%s.png", folder, setting->slug, names[m]);
-        if (!image_write_png(path, width, height, 4, snapshot->picture)) return false;
-        snprintf(path, sizeof path, "%s/pictures/%s_%s_error.png", folder, setting->slug, names[m]);
-        if (!image_write_png(path, width, height, 3, snapshot->error)) return false;
-    }
-    return true;
-}
-
-static bool make_folders(const char *folder)
-{
-    char path[1024];
-    const char *const names[] = {"frames", "pictures"};
-    for (int i = 0; i < COUNT(names); i++) {
-        snprintf(path, sizeof path, "%s/%s", folder, names[i]);
-        if (mkdir(path, 0777) != 0 && errno != EEXIST)
-            return fail("%s: cannot be made: %s", path, strerror(errno));
-    }
-    snprintf(path, sizeof path, "%s/results.json", folder);
-    unlink(path); // an older result must not stand beside newer frames
-    return true;
-}
-
 bool write_results(struct run *run, const char *folder)
 {
     struct error_summary errors[MAX_SETTINGS];
     struct curve *curves = calloc(16, sizeof *curves);
     cJSON *root = cJSON_CreateObject(), *runs[MAX_SETTINGS];
     char path[1024];
-    bool good = curves && make_folders(folder);
+    bool good = curves && result_make_folders(folder);
     if (!good) goto done;
     cJSON_AddNumberToObject(root, "schema", 1);
     cJSON_AddBoolToObject(root, "complete", run->complete);
@@ -631,10 +539,10 @@ bool write_results(struct run *run, const char *folder)
     for (int s = 0; s < run->setting_count; s++)
         cJSON_AddItemToArray(array, runs[s] = run_json(run, &run->settings[s], &errors[s]));
     for (int s = 0; s < run->setting_count && good; s++) {
-        good = write_csv(&run->settings[s], folder);
+        good = result_write_csv(&run->settings[s], folder);
         if (!good || !shows_pictures(run, errors, s)) continue;
         cJSON_ReplaceItemInObject(runs[s], "pictures", pictures_json(&run->settings[s]));
-        good = write_pictures(run, &run->settings[s], folder);
+        good = result_write_pictures(run, &run->settings[s], folder);
     }
     int curve_count = build_curves(run, errors, curves);
     add_curves(root, run, curves, curve_count);
@@ -643,7 +551,7 @@ bool write_results(struct run *run, const char *folder)
     add_field(root, run, curves, curve_count);
     char *text = good ? cJSON_Print(root) : NULL;
     snprintf(path, sizeof path, "%s/results.json", folder);
-    good = good && (text ? write_text(path, text) : fail("out of memory"));
+    good = good && (text ? result_write_text(path, text) : fail("out of memory"));
     free(text);
 done:
     cJSON_Delete(root);

@@ -64,8 +64,7 @@ struct clipmap {
     GLuint indices;
 };
 
-// ---- levels about one viewer
-// ------------------------------------------------------------------------------------
+// ---- levels about one viewer -----------------------------------------------
 
 static void create_heights(const struct clipmap *c, struct clipmap_view *view)
 {
@@ -115,8 +114,7 @@ static void destroy_view(struct clipmap_view *view)
     glDeleteVertexArrays(1, &view->vertex_array);
 }
 
-// ---- update
-// -----------------------------------------------------------------------------------------------------
+// ---- update ----------------------------------------------------------------
 
 struct layer {
     struct gpu *gpu;
@@ -185,8 +183,7 @@ static bool update(struct renderer *renderer, const struct view *views, int coun
     return true;
 }
 
-// ---- draw
-// -------------------------------------------------------------------------------------------------------
+// ---- draw ------------------------------------------------------------------
 
 static void set_level(const struct clipmap *c, const struct clipmap_program *program,
                       const struct clipmap_view *view, int k)
@@ -267,8 +264,7 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
     };
 }
 
-// ---- creation
-// ---------------------------------------------------------------------------------------------------
+// ---- creation --------------------------------------------------------------
 
 static bool build_program(struct clipmap *c, struct clipmap_program *p, const char *defines,
                           const struct scene_effects *effects, enum render_pass pass)

@@ -184,8 +184,7 @@ int clipmap_unwrap(const struct clipmap_box *box, int size, struct clipmap_box p
     return count;
 }
 
-// ---- active regions
-// -----------------------------------------------------------------------------------------
+// ---- active regions --------------------------------------------------------
 
 // Crops to the samples in memory and, where the coarser level has an open side, to two of its cells within it
 // (section 5, constraints 2 to 4).  Beside a closed side the coarser level goes on to the map's edge and
@@ -234,8 +233,7 @@ static struct clipmap_box hole_of(const struct clipmap_region *finer)
     return hole;
 }
 
-// ---- morph
-// --------------------------------------------------------------------------------------------------
+// ---- morph -----------------------------------------------------------------
 
 // Cells between the hole and the nearest open side.
 static double least_width(const struct clipmap_region *region)

@@ -20,8 +20,7 @@ int clipmap_split_kind(enum clipmap_side side, int length)
     return CLIPMAP_BLOCK_KINDS + CLIPMAP_ZERO_AREA_KINDS + (int)side * CLIPMAP_BLOCK + length - 1;
 }
 
-// ---- index lists
-// ------------------------------------------------------------------------------------------------
+// ---- index lists -----------------------------------------------------------
 
 static void add_triangle(struct clipmap_mesh *mesh, int a, int b, int c)
 {
@@ -127,8 +126,7 @@ void clipmap_mesh_finish(struct clipmap_mesh *mesh)
     mesh->indices = NULL;
 }
 
-// ---- cutting regions
-// --------------------------------------------------------------------------------------------
+// ---- cutting regions -------------------------------------------------------
 
 // Part `index` of `parts` nearly equal parts of `length`.
 static int64_t part_start(int64_t length, int64_t parts, int64_t index)

@@ -26,8 +26,7 @@ static void on_warning(png_structp png, png_const_charp text)
     (void)png, (void)text;
 }
 
-// ---- reading
-// --------------------------------------------------------------------------------------------------------
+// ---- reading ---------------------------------------------------------------
 
 struct bytes {
     const unsigned char *at;
@@ -121,8 +120,7 @@ bool image_read_grey16(const char *path, const void *data, size_t size, int *wid
     return true;
 }
 
-// ---- writing
-// --------------------------------------------------------------------------------------------------------
+// ---- writing ---------------------------------------------------------------
 
 struct picture {
     int width, height, depth, channels;

@@ -23,8 +23,7 @@ struct options {
     struct cli_option table[COMMON_OPTIONS + RENDERER_MAX_KNOBS + 1];
 };
 
-// ---- the command line
-// ------------------------------------------------------------------------------------------------
+// ---- the command line ------------------------------------------------------
 
 static void describe_knob(const struct renderer_knob *knob, char text[HELP_SIZE])
 {
@@ -102,8 +101,7 @@ static void print_help(const struct options *o, const struct renderer_type *type
            "P path, F wireframe, + - quality, V vertical sync, F12 picture, Esc quit.\n");
 }
 
-// ---- one frame
-// -------------------------------------------------------------------------------------------------------
+// ---- one frame -------------------------------------------------------------
 
 bool viewer_make_renderer(struct viewer *viewer)
 {
@@ -158,8 +156,7 @@ bool viewer_save(const struct viewer *viewer, const char *path)
     return good;
 }
 
-// ---- the path, frame by frame
-// ------------------------------------------------------------------------------------------
+// ---- the path, frame by frame ----------------------------------------------
 
 static double seconds_now(void)
 {
@@ -197,8 +194,7 @@ static bool fly_path(struct viewer *viewer, int frames)
     return true;
 }
 
-// ---- the program
-// -------------------------------------------------------------------------------------------------------
+// ---- the program -----------------------------------------------------------
 
 static bool open_viewer(struct viewer *viewer, const struct options *o)
 {

@@ -28,8 +28,7 @@ struct flight {
     int hud_frames;
 };
 
-// ---- keys and mouse
-// ----------------------------------------------------------------------------------------------------
+// ---- keys and mouse --------------------------------------------------------
 
 static void on_key(GLFWwindow *window, int key, int scancode, int action, int mods)
 {
@@ -73,8 +72,7 @@ static double axis(GLFWwindow *window, int less, int more)
     return (glfwGetKey(window, more) == GLFW_PRESS) - (glfwGetKey(window, less) == GLFW_PRESS);
 }
 
-// ---- the camera
-// --------------------------------------------------------------------------------------------------------
+// ---- the camera ------------------------------------------------------------
 
 // Height of the ground under a place; beyond the map, its lowest height.
 static double ground_under(const struct terrain *terrain, const double place[3])
@@ -119,8 +117,7 @@ static void move(struct flight *f, double seconds)
         path_camera(f->viewer->scene->path, (int)(f->path_time / path_seconds * PATH_STEPS), PATH_STEPS);
 }
 
-// ---- the window
-// --------------------------------------------------------------------------------------------------------
+// ---- the window ------------------------------------------------------------
 
 // Follows the window's size once it has come to rest: making a picture and a renderer anew at each step of a
 // drag would stall it.

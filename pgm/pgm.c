@@ -99,8 +99,7 @@ struct pgm {
     struct selection selections[RENDERER_MAX_VIEWS];
 };
 
-// ---- create
-// --------------------------------------------------------------------------------------------------------------
+// ---- create ----------------------------------------------------------------
 
 static void read_settings(struct pgm *pgm)
 {
@@ -258,8 +257,7 @@ static struct renderer *pgm_create(const struct renderer_desc *desc)
     return &pgm->renderer;
 }
 
-// ---- update
-// ---------------------------------------------------------------------------------------------------------------
+// ---- update ----------------------------------------------------------------
 
 static void pgm_begin_frame(struct renderer *renderer, int frame)
 {
@@ -410,8 +408,7 @@ static bool pgm_update(struct renderer *renderer, const struct view *views, int 
     return true;
 }
 
-// ---- draw
-// -----------------------------------------------------------------------------------------------------------------
+// ---- draw ------------------------------------------------------------------
 
 static void pgm_draw(struct renderer *renderer, int view_index, enum render_pass pass)
 {

@@ -13,8 +13,7 @@ static double clamp(double value, double low, double high)
     return fmin(fmax(value, low), high);
 }
 
-// ---- the visible slab, seen from the side
-// --------------------------------------------------------------------------
+// ---- the visible slab, seen from the side ----------------------------------
 
 // The view from the side: all points whose elevation lies between two rays, at heights low .. high over the
 // eye.
@@ -51,8 +50,7 @@ static bool wedge_range(const struct wedge *wedge, double *nearest, double *fart
     return *nearest <= *farthest;
 }
 
-// ---- Equation 3
-// --------------------------------------------------------------------------------------------------------
+// ---- Equation 3 ------------------------------------------------------------
 
 double pgm_extension_published(double height, double distance, double highest)
 {
@@ -69,8 +67,7 @@ double pgm_extension_stable(double height, double distance, double highest)
     return atan2(rho * mu, 1 + rho * rho * (1 - mu));
 }
 
-// ---- aiming
-// --------------------------------------------------------------------------------------------------------------
+// ---- aiming ----------------------------------------------------------------
 
 static void set_axes(struct pgm_sampler *sampler, const struct view *view)
 {
@@ -270,8 +267,7 @@ void pgm_sampler_aim(struct pgm_sampler *sampler, const struct view *view, const
     face_near_end(sampler);
 }
 
-// ---- rows
-// ------------------------------------------------------------------------------------------------------------------
+// ---- rows ------------------------------------------------------------------
 
 // Solves (1 - share) expm1(x L) / K + share x = u for x in [0, 1], K = expm1(L): the share of the way from
 // the far to the near fall when `share` of the rows' density is even in log b and the rest even in b.  Convex

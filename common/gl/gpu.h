@@ -15,8 +15,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-// ---- contexts
-// ---------------------------------------------------------------------------------------------------
+// ---- contexts --------------------------------------------------------------
 
 enum gpu_backend {
     GPU_AUTO, // a window where there is a display, else as GPU_OFFSCREEN
@@ -58,8 +57,7 @@ uint64_t gpu_debug_errors(const struct gpu *gpu);     // GL errors that KHR_debu
 void gpu_reset_counters(struct gpu *gpu);
 struct gpu_counters gpu_counters(const struct gpu *gpu);
 
-// ---- passes and programs
-// ----------------------------------------------------------------------------------------
+// ---- passes and programs ---------------------------------------------------
 
 enum render_pass {
     PASS_SHADED,   // colour, with the scene's shading
@@ -90,8 +88,7 @@ void gpu_set_view(struct gpu *gpu, const struct terrain *terrain, const struct v
 
 void gpu_use_program(struct gpu *gpu, const struct gpu_program *program); // instead of glUseProgram
 
-// ---- draws (counted; captured while a capture is open)
-// ------------------------------------------------------------
+// ---- draws (counted; captured while a capture is open) ---------------------
 
 // Indexed draws, `mode` GL_TRIANGLES or GL_TRIANGLE_STRIP, 16- or 32-bit indices from the bound element
 // array.  first in indices.
@@ -104,16 +101,14 @@ void gpu_multi_draw_elements(struct gpu *gpu, GLenum mode, const GLsizei *counts
                              const size_t *first_index, const GLint *base_vertex, int draws,
                              uint64_t triangles);
 
-// ---- uploads (counted)
-// ------------------------------------------------------------------------------------------
+// ---- uploads (counted) -----------------------------------------------------
 
 void gpu_buffer_data(struct gpu *gpu, GLenum target, size_t size, const void *data, GLenum usage);
 void gpu_buffer_sub_data(struct gpu *gpu, GLenum target, size_t offset, size_t size, const void *data);
 void gpu_texture_sub_image(struct gpu *gpu, GLenum target, int layer /* <0: 2D */, int x, int y, int width,
                            int height, GLenum format, GLenum type, const void *data);
 
-// ---- targets
-// ----------------------------------------------------------------------------------------------------
+// ---- targets ---------------------------------------------------------------
 
 struct gpu_target {
     GLuint framebuffer, colour, depth;
@@ -130,8 +125,7 @@ void gpu_target_read(struct gpu *gpu, const struct gpu_target *target, void *pix
 // Reads the depths of any target, one float each, bottom row first: near / depth along forward; 0 is the sky.
 void gpu_target_read_depth(struct gpu *gpu, const struct gpu_target *target, float *depth);
 
-// ---- capture (transform feedback of the renderer's own vertex program)
-// ---------------------------------------------
+// ---- capture (transform feedback of the renderer's own vertex program) -----
 
 // Between begin and end, draws feed the callback in pieces and nothing is rasterised.  Works with any program
 // that gpu_program_build made; draws larger than the buffer are split.

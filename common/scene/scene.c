@@ -22,8 +22,7 @@ enum { DEFAULT_FRAMES = 96, FRAMES_MAX = 100000, SIDE_MAX = 16384, KEYS_MAX = 10
 #define DEFAULT_SCENE "bench/scenes/default.json"
 #define DEGREE (M_PI / 180)
 
-// ---- files
-// -----------------------------------------------------------------------------------------------------
+// ---- files -----------------------------------------------------------------
 
 // The whole file with a NUL after it; NULL after one line.
 static char *read_text(const char *path, size_t *size)
@@ -77,8 +76,7 @@ static bool find_file(const char *scene_file, const char *what, const char *name
                 what, name, *beside ? beside : "./", data ? data : "not set");
 }
 
-// ---- strict JSON
-// -----------------------------------------------------------------------------------------------
+// ---- strict JSON -----------------------------------------------------------
 
 // Where the reader is, for the error line: which file and which object.
 struct place {
@@ -169,8 +167,7 @@ static cJSON *parse(const char *file, const char *text, size_t size)
     return fail("%s: line %d is not JSON; accepted is one JSON object", file, line), NULL;
 }
 
-// ---- terrain
-// ---------------------------------------------------------------------------------------------------
+// ---- terrain ---------------------------------------------------------------
 
 static bool read_terrain_options(struct place at, const cJSON *json, struct terrain_options *options)
 {
@@ -210,8 +207,7 @@ static bool load_terrain(struct scene *scene, const char *file, const cJSON *jso
     return scene->terrain != NULL;
 }
 
-// ---- path
-// ------------------------------------------------------------------------------------------------------
+// ---- path ------------------------------------------------------------------
 
 static bool read_key(const char *file, const cJSON *json, int index, struct path_key *key)
 {
@@ -357,8 +353,7 @@ static bool load_path(struct scene *scene, const char *file, const cJSON *json)
     return scene->path != NULL;
 }
 
-// ---- the scene
-// -------------------------------------------------------------------------------------------------
+// ---- the scene -------------------------------------------------------------
 
 // Names become folders, so they are plain.
 static bool read_name(struct scene *scene, const char *file, const cJSON *json)

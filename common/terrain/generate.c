@@ -17,8 +17,7 @@ struct shape {
     double *height_m;
 };
 
-// ---- shapes given by a formula: height at sample (x, y), y north
-// ------------------------------------------------------
+// ---- shapes given by a formula: height at sample (x, y), y north -----------
 
 static double flat(const struct shape *s, int64_t x, int64_t y)
 {
@@ -82,8 +81,7 @@ static double crater(const struct shape *s, int64_t x, int64_t y) // a bowl, a r
     return r < 1 ? s->relief_m * (1.25 * r * r - 1) : 0.25 * s->relief_m / (r * r * r);
 }
 
-// ---- fractal
-// ------------------------------------------------------------------------------------------------------------
+// ---- fractal ---------------------------------------------------------------
 
 // Noise of H = 0.85 added level by level to U of the coarser level, as the clipmap paper synthesises (section
 // 8).
@@ -142,8 +140,7 @@ static bool voids(const struct shape *s)
     return true;
 }
 
-// ---- the table
-// ----------------------------------------------------------------------------------------------------------
+// ---- the table -------------------------------------------------------------
 
 static const struct kind {
     const char *name;

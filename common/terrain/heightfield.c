@@ -16,8 +16,7 @@
 
 static const double DEGREE = 0.017453292519943295;
 
-// ---- names
-// ----------------------------------------------------------------------------------------------------------
+// ---- names -----------------------------------------------------------------
 
 static const char *file_name(const char *path)
 {
@@ -38,8 +37,7 @@ static void name_field(struct heightfield *field, const char *path)
     snprintf(field->name, sizeof field->name, "%.*s", length, name);
 }
 
-// ---- files
-// ----------------------------------------------------------------------------------------------------------
+// ---- files -----------------------------------------------------------------
 
 // The whole file, with a zero byte behind it; NULL after one line on stderr.
 static void *read_whole(const char *path, const char *expected, size_t *size)
@@ -76,8 +74,7 @@ void heightfield_finish(struct heightfield *field)
     memset(field, 0, sizeof *field);
 }
 
-// ---- 16-bit samples
-// ---------------------------------------------------------------------------------------------------
+// ---- 16-bit samples --------------------------------------------------------
 
 bool heightfield_is_void(double raw, bool has_nodata, double nodata)
 {
@@ -112,8 +109,7 @@ static bool take_grey16(struct heightfield *field, const char *path, const uint1
     return true;
 }
 
-// ---- PNG
-// ----------------------------------------------------------------------------------------------------------------
+// ---- PNG -------------------------------------------------------------------
 
 static bool take_png(struct heightfield *field, const char *path, const void *png, size_t size,
                      const struct sidecar *sidecar)
@@ -153,8 +149,7 @@ bool heightfield_load_memory(struct heightfield *field, const char *path, const 
     return false;
 }
 
-// ---- SRTM
-// ---------------------------------------------------------------------------------------------------------------
+// ---- SRTM ------------------------------------------------------------------
 
 // Latitude of the south edge from a name such as N47W122.hgt.
 static bool latitude_of(const char *path, int *degrees)
@@ -200,8 +195,7 @@ static bool load_hgt(struct heightfield *field, const char *path)
     return good;
 }
 
-// ---- raw
-// ----------------------------------------------------------------------------------------------------------------
+// ---- raw -------------------------------------------------------------------
 
 static uint32_t read_word(const unsigned char *at, int bytes, bool big_endian)
 {
@@ -272,8 +266,7 @@ static bool load_raw(struct heightfield *field, const char *path)
     return good;
 }
 
-// ---- floats to integers
-// -------------------------------------------------------------------------------------------------
+// ---- floats to integers ----------------------------------------------------
 
 bool heightfield_quantise(struct heightfield *field, const double *height_m, int bits)
 {
@@ -308,8 +301,7 @@ bool heightfield_quantise(struct heightfield *field, const double *height_m, int
     return true;
 }
 
-// ---- any file
-// -----------------------------------------------------------------------------------------------------------
+// ---- any file --------------------------------------------------------------
 
 static bool is_raw(const char *path)
 {

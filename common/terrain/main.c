@@ -28,8 +28,7 @@ static const char HELP[] =
     ".\n"
     "Exit code: 0 good, 1 a file that does not serve, 2 the command line.\n";
 
-// ---- info
-// ---------------------------------------------------------------------------------------------------------------
+// ---- info ------------------------------------------------------------------
 
 static double metres(const struct terrain_info *info, int32_t q)
 {
@@ -117,8 +116,7 @@ static int info_main(int argc, char **argv)
     return EXIT_GOOD;
 }
 
-// ---- import
-// -------------------------------------------------------------------------------------------------------------
+// ---- import ----------------------------------------------------------------
 
 static bool is_png(const char *path)
 {
@@ -141,8 +139,7 @@ static int import_main(int argc, char **argv)
     return good ? EXIT_GOOD : EXIT_WORLD;
 }
 
-// ---- generate
-// -----------------------------------------------------------------------------------------------------------
+// ---- generate --------------------------------------------------------------
 
 static int generate_main(int argc, char **argv)
 {

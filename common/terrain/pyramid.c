@@ -29,8 +29,7 @@ static bool allocate(struct pyramid_level *level)
     return level->samples != NULL;
 }
 
-// ---- coarser levels
-// ---------------------------------------------------------------------------------------------
+// ---- coarser levels --------------------------------------------------------
 
 static bool add_coarser(struct pyramid *pyramid, const struct terrain_options *options)
 {
@@ -56,8 +55,7 @@ static bool add_coarser(struct pyramid *pyramid, const struct terrain_options *o
     return true;
 }
 
-// ---- prediction: U of a level whose samples beyond the border are extrapolated linearly
-// --------------------------------
+// ---- prediction: U of a level whose samples beyond the border are extrapolated linearly 
 
 static int32_t limit(int64_t q)
 {
@@ -113,8 +111,7 @@ static int64_t predict_block(const struct prediction *p, int block, int32_t *out
     return rows;
 }
 
-// ---- finer levels
-// -----------------------------------------------------------------------------------------------
+// ---- finer levels ----------------------------------------------------------
 
 struct synthesis {
     struct prediction prediction;
@@ -235,8 +232,7 @@ static bool add_finer(struct pyramid *pyramid, const struct terrain_options *opt
     return true;
 }
 
-// ---- what each level differs from the finest
-// --------------------------------------------------------------------
+// ---- what each level differs from the finest -------------------------------
 
 struct comparison {
     const struct pyramid *pyramid;

@@ -18,8 +18,7 @@ struct terrain {
     struct pyramid pyramid;
 };
 
-// ---- from samples to a terrain
-// --------------------------------------------------------------------------------------
+// ---- from samples to a terrain ---------------------------------------------
 
 // U and D may overshoot by 28.1 % of the range on each side (numerics.md, B11): half of the range of quanta
 // leaves room.
@@ -173,8 +172,7 @@ void terrain_destroy(struct terrain *terrain)
     free(terrain);
 }
 
-// ---- reading
-// ----------------------------------------------------------------------------------------------------------
+// ---- reading ---------------------------------------------------------------
 
 const struct terrain_info *terrain_info(const struct terrain *terrain)
 {
@@ -276,8 +274,7 @@ bool terrain_truth_at(const struct terrain *terrain, double x_m, double y_m, dou
     return true;
 }
 
-// ---- place and world: on the plane they are the same
-// ------------------------------------------------------------------
+// ---- place and world: on the plane they are the same -----------------------
 
 void terrain_world_from_place(const struct terrain *terrain, const double place[3], double world_m[3])
 {

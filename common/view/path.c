@@ -18,8 +18,7 @@ struct path {
 
 enum { AXES = 6, NODES_MIN = 2048, NODES_MAX = 1 << 18, LIFT_SHARE = 24 };
 
-// ---- the spline
-// ------------------------------------------------------------------------------------------------
+// ---- the spline ------------------------------------------------------------
 
 struct knot {
     double value[AXES];   // x, y, z, yaw, pitch, roll
@@ -162,8 +161,7 @@ static struct path *path_from_knots(const struct knot *knots, int count, int fra
     return path;
 }
 
-// ---- the ground
-// ------------------------------------------------------------------------------------------------
+// ---- the ground ------------------------------------------------------------
 
 // No lower than the ground anywhere under the segment: the bounds of the cells it may touch.
 static double segment_ground(const struct terrain *terrain, const double a[3], const double b[3])
@@ -246,8 +244,7 @@ static void measure(struct path *path)
     }
 }
 
-// ---- the contract
-// ----------------------------------------------------------------------------------------------
+// ---- the contract ----------------------------------------------------------
 
 struct path *path_from_keys(const struct terrain *terrain, const struct path_key *keys, int count, int frames,
                             double clearance_m, double fov_vertical)

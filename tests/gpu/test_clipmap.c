@@ -146,8 +146,7 @@ static const struct test_map hills = {.width = 1025,
                                       .rough = 60,
                                       .seed = 11};
 
-// ---- B3
-// -----------------------------------------------------------------------------------------------------
+// ---- B3 --------------------------------------------------------------------
 
 static bool ground(const struct fixture *f, int pixel)
 {
@@ -250,8 +249,7 @@ static void b3_no_pixel_is_dropped(void **state)
     terrain_destroy(terrain);
 }
 
-// ---- the same picture
-// -----------------------------------------------------------------------------------------
+// ---- the same picture ------------------------------------------------------
 
 // B15: culling takes nothing away, also with the eye inside a block's box, below ground, and off the map.
 static void culling_leaves_no_trace(void **state)
@@ -406,8 +404,7 @@ static void two_views_keep_apart(void **state)
     terrain_destroy(terrain);
 }
 
-// ---- exact heights
-// ------------------------------------------------------------------------------------------
+// ---- exact heights ---------------------------------------------------------
 
 struct heights {
     float expected;
@@ -446,8 +443,7 @@ static void flat_ground_is_exactly_flat(void **state)
     }
 }
 
-// ---- B9, B8
-// -------------------------------------------------------------------------------------------------
+// ---- B9, B8 ----------------------------------------------------------------
 
 struct bounds {
     double low[2], high[2];

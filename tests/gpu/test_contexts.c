@@ -9,8 +9,7 @@
 #include <string.h>
 #include <sys/wait.h>
 
-// ---- the child: draw a scene, print its hashes
-// ---------------------------------------------------------------------
+// ---- the child: draw a scene, print its hashes -----------------------------
 
 enum { WIDTH = 200, HEIGHT = 150, CELLS = 60 };
 
@@ -117,8 +116,7 @@ static int draw(const char *word, int threads)
     return EXIT_GOOD;
 }
 
-// ---- the parent
-// ------------------------------------------------------------------------------------------------------
+// ---- the parent ------------------------------------------------------------
 
 // Runs `<before> test_contexts draw <word>`; returns its exit code, and its output, stderr included, in text.
 static int run(const char *before, const char *word, char text[4096])

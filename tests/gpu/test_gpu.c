@@ -16,8 +16,7 @@ struct fixture {
     GLuint vertex_array, vertices, indices, offsets;
 };
 
-// ---- a context, the plain programs and one mesh
-// --------------------------------------------------------------------
+// ---- a context, the plain programs and one mesh ----------------------------
 
 static int setup(void **state)
 {
@@ -85,8 +84,7 @@ static void random_vertices(float (*vertices)[3], size_t count, uint64_t seed)
         for (int k = 0; k < 3; k++) vertices[i][k] = (float)test_uniform(&seed, -0.9, 0.9);
 }
 
-// ---- capture
-// -------------------------------------------------------------------------------------------------------
+// ---- capture ---------------------------------------------------------------
 
 struct taken {
     float (*triangles)[3][3];
@@ -277,8 +275,7 @@ static void test_capture_is_split(void **state)
     free(indices);
 }
 
-// ---- counts
-// ----------------------------------------------------------------------------------------------------------
+// ---- counts ----------------------------------------------------------------
 
 static void test_counts(void **state)
 {
@@ -325,8 +322,7 @@ static void test_counts(void **state)
     assert_int_equal(gpu_counters(f->gpu).draw_calls, 5);
 }
 
-// ---- pictures
-// --------------------------------------------------------------------------------------------------------
+// ---- pictures --------------------------------------------------------------
 
 // A mesh whose vertices stand on pixel centres: every pixel must hold its vertex.  Interpolation evaluates
 // a + x dx + y dy with |x|, |y| <= 64 pixels and slopes of at most 1 a pixel: terms of at most 129, four
@@ -461,8 +457,7 @@ static void test_depth(void **state)
     assert_true(worst <= 4 * 0x1p-23);
 }
 
-// ---- the map's outline
-// -------------------------------------------------------------------------------------------------
+// ---- the map's outline -----------------------------------------------------
 
 static struct terrain *small_terrain(int64_t first)
 {
@@ -573,8 +568,7 @@ static void test_outline_meets_vertices(void **state)
     terrain_destroy(terrain);
 }
 
-// ---- failures
-// --------------------------------------------------------------------------------------------------------
+// ---- failures --------------------------------------------------------------
 
 // Runs `step`, returns what it wrote on stderr.
 static void stderr_of(void (*step)(struct fixture *), struct fixture *f, char text[1024])

@@ -2,8 +2,7 @@
 // where it is. SPDX-License-Identifier: MIT
 #include "tests/gpu/test_pgm.h"
 
-// ---- heights
-// -------------------------------------------------------------------------------------------------
+// ---- heights ---------------------------------------------------------------
 
 static int32_t flat_height(int i, int j)
 {
@@ -127,8 +126,7 @@ static void test_a_ramp_is_read_right_at_every_level(void **state)
     terrain_destroy(terrain);
 }
 
-// ---- coverage: A7, PG1 to PG3
-// --------------------------------------------------------------------------------
+// ---- coverage: A7, PG1 to PG3 ----------------------------------------------
 
 static int32_t hilly_height(int i, int j)
 {
@@ -224,8 +222,7 @@ static void test_all_visible_ground_is_covered(void **state)
     terrain_destroy(terrain);
 }
 
-// ---- A9: straight down
-// ---------------------------------------------------------------------------------------
+// ---- A9: straight down -----------------------------------------------------
 
 // Gentle enough that nothing hides anything from above.
 static int32_t rolling_height(int i, int j)
@@ -265,8 +262,7 @@ static void test_straight_down_is_nothing_special(void **state)
     terrain_destroy(terrain);
 }
 
-// ---- A10: the map's edge
-// -------------------------------------------------------------------------------------
+// ---- A10: the map's edge ---------------------------------------------------
 
 static int32_t tilted_height(int i, int j)
 {
@@ -318,8 +314,7 @@ static void test_the_map_ends_at_its_outline(void **state)
     terrain_destroy(terrain);
 }
 
-// ---- the contract
-// --------------------------------------------------------------------------------------------
+// ---- the contract ----------------------------------------------------------
 
 static void count_captured(const float *triangles, size_t count, void *user)
 {

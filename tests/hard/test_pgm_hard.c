@@ -4,8 +4,7 @@
 
 #include "common/scene/scene.h"
 
-// ---- A5: a low camera and a far ridge
-// -------------------------------------------------------------------------
+// ---- A5: a low camera and a far ridge --------------------------------------
 
 enum { RIDGE_CELLS = 1000, RIDGE_CELL_M = 50, RIDGE_HEIGHT_M = 2000 };
 
@@ -72,8 +71,7 @@ static void test_a_far_ridge_gains_from_rows(void **state)
     terrain_destroy(terrain);
 }
 
-// ---- A6, B9, E11: cameras and maps of any kind
-// ----------------------------------------------------------------
+// ---- A6, B9, E11: cameras and maps of any kind -----------------------------
 
 static int32_t bumpy_height(int i, int j)
 {
@@ -165,8 +163,7 @@ static void test_maps_of_any_size(void **state)
     assert_true(gpu_debug_errors(gpu) == 0);
 }
 
-// ---- B14: far from the origin
-// ---------------------------------------------------------------------------------
+// ---- B14: far from the origin ----------------------------------------------
 
 static void *picture_at(struct gpu *gpu, int64_t cells)
 {
@@ -198,8 +195,7 @@ static void test_a_moved_world_gives_the_same_picture(void **state)
     free(here);
 }
 
-// ---- the whole method on the default scene
-// ---------------------------------------------------------------------
+// ---- the whole method on the default scene ---------------------------------
 
 struct flight {
     struct error_summary error_px;

@@ -14,8 +14,7 @@
 
 static char folder[] = "/tmp/relief-test-XXXXXX";
 
-// ---- running a program
-// ------------------------------------------------------------------------------------------------
+// ---- running a program -----------------------------------------------------
 
 static char error_text[8192]; // what the last program wrote to stderr
 
@@ -85,8 +84,7 @@ static double number(const cJSON *object, const char *key, const char *inner)
     return cJSON_IsNumber(item) ? item->valuedouble : (double)NAN;
 }
 
-// ---- fixtures
-// -----------------------------------------------------------------------------------------------------------
+// ---- fixtures --------------------------------------------------------------
 
 enum { SIDE = 129 };
 
@@ -151,8 +149,7 @@ static int tear_down(void **state)
     return system(command) ? -1 : 0;
 }
 
-// ---- bad input
-// ------------------------------------------------------------------------------------------------------------
+// ---- bad input -------------------------------------------------------------
 
 static void assert_one_line(int code, int expected_code, const char *expected_text)
 {
@@ -212,8 +209,7 @@ static void test_bad_input_is_one_line(void **state)
     assert_one_line(run("bench report %s/nothing", f), EXIT_WORLD, "nothing");
 }
 
-// ---- whole runs
-// ------------------------------------------------------------------------------------------------------------
+// ---- whole runs ------------------------------------------------------------
 
 static const cJSON *find_run(const cJSON *results, const char *id)
 {

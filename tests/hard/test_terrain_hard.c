@@ -28,8 +28,7 @@ static int32_t sample(const struct terrain *terrain, int level, int64_t i, int64
     return q;
 }
 
-// ---- E1: voids
-// ----------------------------------------------------------------------------------------------------------
+// ---- E1: voids -------------------------------------------------------------
 
 static int make_voids(int32_t *samples, int width, int height, int pattern, uint64_t *random)
 {
@@ -128,8 +127,7 @@ static void e1_any_void_pattern(void **state)
     assert_false(heightfield_is_void(65535, false, 0));
 }
 
-// ---- E2: sixteen bits
-// ---------------------------------------------------------------------------------------------------
+// ---- E2: sixteen bits ------------------------------------------------------
 
 static void e2_deep_and_high_round_trip(void **state)
 {
@@ -153,8 +151,7 @@ static void e2_deep_and_high_round_trip(void **state)
     assert_int_equal((uint16_t)88480, 22944); // 8848 m in decimetres
 }
 
-// ---- E3: planes
-// ---------------------------------------------------------------------------------------------------------
+// ---- E3: planes ------------------------------------------------------------
 
 static void e3_flat_is_exact(void **state)
 {
@@ -228,8 +225,7 @@ static void e3_tilted_planes_are_exact(void **state)
     assert_true(bent == 6 * 2 / 32. && bent > 0x1p-23);
 }
 
-// ---- E4 and E5: exact answers of the filters
-// ----------------------------------------------------------------------------
+// ---- E4 and E5: exact answers of the filters -------------------------------
 
 static void e4_needle(void **state)
 {
@@ -274,8 +270,7 @@ static void e5_checkerboard(void **state)
     }
 }
 
-// ---- A11: registration
-// --------------------------------------------------------------------------------------------------
+// ---- A11: registration -----------------------------------------------------
 
 static void a11_ramp_stays_in_place(void **state)
 {
@@ -308,8 +303,7 @@ static void a11_ramp_stays_in_place(void **state)
     assert_true(worst == 15.5);
 }
 
-// ---- B9: small and odd worlds
-// -------------------------------------------------------------------------------------------
+// ---- B9: small and odd worlds ----------------------------------------------
 
 static void b9_small_worlds(void **state)
 {
@@ -356,8 +350,7 @@ static void b9_small_worlds(void **state)
             }
 }
 
-// ---- B11: overshoot
-// -----------------------------------------------------------------------------------------------------
+// ---- B11: overshoot --------------------------------------------------------
 
 static void b11_cliff_overshoots_without_wrapping(void **state)
 {
@@ -395,8 +388,7 @@ static void b11_cliff_overshoots_without_wrapping(void **state)
     terrain_destroy(terrain);
 }
 
-// ---- B13: noise far away
-// ------------------------------------------------------------------------------------------------
+// ---- B13: noise far away ---------------------------------------------------
 
 static void b13_noise_is_fixed_to_the_ground(void **state)
 {

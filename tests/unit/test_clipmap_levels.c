@@ -10,8 +10,7 @@ enum { MAP_SIDE = 1 << 20 };
 static const int sizes[] = {11, 15, 31, 63, 127, 255};
 enum { SIZES = sizeof sizes / sizeof *sizes };
 
-// ---- a world to stand in
-// ------------------------------------------------------------------------------------
+// ---- a world to stand in ---------------------------------------------------
 
 struct world {
     struct clipmap_shape shape;
@@ -73,8 +72,7 @@ static void lag(struct world *world, uint64_t *seed)
     }
 }
 
-// ---- heights as any filter might leave them: levels have nothing in common
-// --------------------------------------
+// ---- heights as any filter might leave them: levels have nothing in common -
 
 static int32_t sample(int k, int64_t i, int64_t j)
 {
@@ -147,8 +145,7 @@ static uint64_t hole_vertices_morphed(const struct world *world)
     return count;
 }
 
-// ---- B1
-// ---------------------------------------------------------------------------------------------------------
+// ---- B1 --------------------------------------------------------------------
 
 static void b1_count(enum clipmap_alpha alpha, bool cropped, uint64_t bad[2], uint64_t *sides,
                      uint64_t *viewers)
@@ -195,8 +192,7 @@ static void b1_published_alpha_cracks(void **state)
     assert_true(bad[1] > 0);
 }
 
-// ---- B2
-// ---------------------------------------------------------------------------------------------------------
+// ---- B2 --------------------------------------------------------------------
 
 // A shared coordinate as the vertex program computes it (relative_place), at level k and at level k + 1.
 static float relative(const struct view_origin *eye, int axis, int64_t index, float spacing)
@@ -255,8 +251,7 @@ static void b2_too_fine_a_lattice_fails(void **state)
     assert_true(differs[0] > 0);
 }
 
-// ---- regions
-// ------------------------------------------------------------------------------------------------
+// ---- regions ---------------------------------------------------------------
 
 static void check_nesting(const struct world *world, const struct clipmap_box *clips)
 {
@@ -349,8 +344,7 @@ static void small_maps_are_covered(void **state)
         }
 }
 
-// ---- height: CM6, B16
-// -------------------------------------------------------------------------------------------
+// ---- height: CM6, B16 ------------------------------------------------------
 
 // Largest change of a height in the fine level when the viewer climbs by 0.01 n g a frame, as a share of |z_c
 // - z|: what the fade moves, or, where the level vanishes, what is left to go to z_c.
@@ -398,8 +392,7 @@ static void morph_stays_between_z_and_z_c(void **state)
     }
 }
 
-// ---- clip regions: B5, B6, B7
-// -----------------------------------------------------------------------------------
+// ---- clip regions: B5, B6, B7 ----------------------------------------------
 
 static void slots_of_negative_indices(void **state)
 {

@@ -40,8 +40,7 @@ static void crop(struct world *world, uint64_t *seed)
     clipmap_regions(&world->shape, world->eyes, 0, clips, world->regions);
 }
 
-// ---- lists
-// ------------------------------------------------------------------------------------------------------
+// ---- lists -----------------------------------------------------------------
 
 static void blocks_fill_their_cells(void **state)
 {
@@ -117,8 +116,7 @@ static void blocks_cover_the_render_region_once(void **state)
         }
 }
 
-// ---- one closed surface
-// ---------------------------------------------------------------------------------------
+// ---- one closed surface ----------------------------------------------------
 
 struct edge { // between two vertices in cells of the finest level, a before b; turns: +1 drawn a to b, -1 b
               // to a

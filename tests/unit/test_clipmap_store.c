@@ -59,8 +59,7 @@ static struct clipmap_box square(int64_t x, int64_t y, int side)
     return (struct clipmap_box){{x, y}, {x + side - 1, y + side - 1}};
 }
 
-// ---- B4
-// -----------------------------------------------------------------------------------------------------
+// ---- B4 --------------------------------------------------------------------
 
 // Height of the next coarser level's surface, split along (i, j)-(i+1, j+1), from its definition, in double.
 static double coarse_surface(const struct terrain *terrain, int level, int64_t i, int64_t j)
@@ -108,8 +107,7 @@ static void b4_z_c_is_the_coarser_surface(void **state)
     terrain_destroy(terrain);
 }
 
-// ---- B6, B5
-// -------------------------------------------------------------------------------------------------
+// ---- B6, B5 ----------------------------------------------------------------
 
 static void check_contents(const struct clipmap_store *store, const struct memory *memory,
                            const struct clipmap_scratch *scratch)
@@ -215,8 +213,7 @@ static void b6_sees_a_slip(void **state)
     terrain_destroy(terrain);
 }
 
-// ---- bounds
-// ---------------------------------------------------------------------------------------------------
+// ---- bounds ----------------------------------------------------------------
 
 static void bounds_hold_and_do_not_depend_on_the_way(void **state)
 {

@@ -122,8 +122,7 @@ static struct flown fly(const struct terrain *terrain, const struct path *path, 
     return flown;
 }
 
-// ---- a path for any terrain
-// ------------------------------------------------------------------------------------
+// ---- a path for any terrain ------------------------------------------------
 
 static void any_terrain_gets_a_flight(void **state)
 {
@@ -187,8 +186,7 @@ static void auto_paths_are_the_terrains_own(void **state)
     assert_memory_equal(&last[0], &last[1], sizeof last[0]);
 }
 
-// ---- keys
-// ------------------------------------------------------------------------------------------------------
+// ---- keys ------------------------------------------------------------------
 
 static const double no_clearance = -1e9;
 
@@ -320,8 +318,7 @@ static void a_turn_on_the_spot_turns(void **state)
     terrain_destroy(terrain);
 }
 
-// ---- the ground
-// ------------------------------------------------------------------------------------------------
+// ---- the ground ------------------------------------------------------------
 
 static void stays_clear_of_the_ground(void **state)
 {
@@ -376,8 +373,7 @@ static void lifts_without_a_jump(void **state)
     terrain_destroy(terrain);
 }
 
-// ---- cameras and frames
-// ----------------------------------------------------------------------------------------
+// ---- cameras and frames ----------------------------------------------------
 
 static void frames_resample_the_same_flight(void **state)
 {

@@ -10,8 +10,7 @@
 enum { MOST_ROWS = 1600 };
 static const double degree = 0.017453292519943295;
 
-// ---- a world of boxes
-// ----------------------------------------------------------------------------------------
+// ---- a world of boxes ------------------------------------------------------
 
 struct box {
     double x0, y0, x1, y1, height;
@@ -90,8 +89,7 @@ static void float_place(const struct pgm_sampler *sampler, const struct pgm_row 
         place[axis] = (float)sampler->forward[axis] * q + (float)sampler->right[axis] * (across * w);
 }
 
-// ---- A1: Equation 1 against the row table
-// -----------------------------------------------------------------------
+// ---- A1: Equation 1 against the row table ----------------------------------
 
 static void test_relative_places_keep_their_digits(void **state)
 {
@@ -138,8 +136,7 @@ static void test_relative_places_keep_their_digits(void **state)
     assert_true(published_worst > 1e-2);
 }
 
-// ---- A2, A4: rows down to the horizon
-// -------------------------------------------------------------------------
+// ---- A2, A4: rows down to the horizon --------------------------------------
 
 static void check_rows_descend(const struct pgm_sampler *sampler, const struct pgm_row *rows, int count)
 {
@@ -198,8 +195,7 @@ static void test_rows_reach_the_horizon_in_order(void **state)
            cases, farthest);
 }
 
-// ---- A3: every camera
-// -----------------------------------------------------------------------------------------
+// ---- A3: every camera ------------------------------------------------------
 
 static void check_finite(const struct pgm_sampler *sampler, const struct pgm_row *rows, int count)
 {
@@ -248,8 +244,7 @@ static void test_every_camera_is_finite(void **state)
     assert_true(empty < cases / 2);
 }
 
-// ---- A7: Equation 3
-// -------------------------------------------------------------------------------------------
+// ---- A7: Equation 3 --------------------------------------------------------
 
 // The angle between the lower edge and the ray that meets height m where the lower edge's foot would be
 // hidden by it.
@@ -285,8 +280,7 @@ static void test_extension_is_exact_for_any_height(void **state)
     assert_false(fabs(pgm_extension_published(1e120, 1e120, 5e119) - atan2(0.5, 1.5)) < 1e-12);
 }
 
-// ---- coverage: everything visible stands over the rows
-// ----------------------------------------------------------
+// ---- coverage: everything visible stands over the rows ---------------------
 
 static bool covered(const struct pgm_sampler *sampler, const struct pgm_row *rows, int count, double q,
                     double p)
@@ -433,8 +427,7 @@ static void test_ends_agree_with_the_clipped_box(void **state)
     assert_true(cases > 100 && loosest <= 1e-3);
 }
 
-// ---- A8: levels
-// -----------------------------------------------------------------------------------------------
+// ---- A8: levels ------------------------------------------------------------
 
 static double blended_step_excess(enum pgm_lod lod)
 {
@@ -506,8 +499,7 @@ static void test_levels_of_strange_distances(void **state)
     }
 }
 
-// ---- A13: small grids and windows
-// -----------------------------------------------------------------------------
+// ---- A13: small grids and windows ------------------------------------------
 
 static void test_smallest_grids_and_windows(void **state)
 {

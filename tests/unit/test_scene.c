@@ -93,8 +93,7 @@ static void sha256_knows_its_vectors(void **state)
     free(million);
 }
 
-// ---- the project's own scenes
-// ----------------------------------------------------------------------------------
+// ---- the project's own scenes ----------------------------------------------
 
 static double turn_between(const struct view *a, const struct view *b)
 {
@@ -216,8 +215,7 @@ static void terrain_replaces_the_scenes(void **state)
     scene_destroy(scene);
 }
 
-// ---- poses
-// -----------------------------------------------------------------------------------------------------
+// ---- poses -----------------------------------------------------------------
 
 static void poses_stand_where_they_say(void **state)
 {
@@ -242,8 +240,7 @@ static void poses_stand_where_they_say(void **state)
     scene_destroy(scene);
 }
 
-// ---- strictness
-// ------------------------------------------------------------------------------------------------
+// ---- strictness ------------------------------------------------------------
 
 #define SCENE(rest) "{\"name\": \"t\", \"terrain\": {\"builtin\": \"jacksboro\"}" rest "}"
 #define KEY "{\"x\": 1, \"y\": 1, \"height\": 2}"

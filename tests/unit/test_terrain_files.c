@@ -37,8 +37,7 @@ static void write_text(const char *name, const char *text)
     write_bytes(name, text, strlen(text));
 }
 
-// ---- stderr, kept
-// -----------------------------------------------------------------------------------------------------
+// ---- stderr, kept ----------------------------------------------------------
 
 static int kept_stderr;
 
@@ -101,8 +100,7 @@ static double height_at(const struct terrain *terrain, int64_t x, int64_t row_fr
     return terrain_info(terrain)->quantum_m * q + terrain_info(terrain)->offset_m;
 }
 
-// ---- good files
-// -------------------------------------------------------------------------------------------------------
+// ---- good files ------------------------------------------------------------
 
 static void png_with_sidecar(void **state)
 {
@@ -284,8 +282,7 @@ static void data_sets(void **state)
     }
 }
 
-// ---- bad files
-// ----------------------------------------------------------------------------------------------------------
+// ---- bad files -------------------------------------------------------------
 
 static void bad_pngs(void **state)
 {
@@ -434,8 +431,7 @@ static void mutated_files(void **state) // whatever a file holds: a terrain, or 
     FIGURE("mutated raw files: %d, of them taken: %d", cases, good);
 }
 
-// ---- the program
-// --------------------------------------------------------------------------------------------------------
+// ---- the program -----------------------------------------------------------
 
 // Runs build/terrain with stdout and stderr in files; returns its exit code.
 static int run(const char *arguments, char *out, char *err, size_t size)

@@ -98,8 +98,7 @@ static void u_keeps_cubics(void **state)
         }
 }
 
-// ---- D
-// ------------------------------------------------------------------------------------------------------------------
+// ---- D ---------------------------------------------------------------------
 
 // D in rationals from the definition: ghosts on the line through the end and the sample four cells inside.
 static double ghosted(const int32_t *line, int64_t stride, int64_t size, int64_t at)
@@ -182,8 +181,7 @@ static void d_is_the_adjoint_of_u(void **state)
     }
 }
 
-// ---- noise
-// --------------------------------------------------------------------------------------------------------------
+// ---- noise -----------------------------------------------------------------
 
 static void noise_is_normal(void **state)
 {

@@ -53,8 +53,7 @@ static bool all_finite(const struct view *view)
     return good;
 }
 
-// ---- the lattice
-// -----------------------------------------------------------------------------------------------
+// ---- the lattice -----------------------------------------------------------
 
 // A vertex relative to the eye as a vertex program forms it.
 static float relative_place(const struct view *view, const struct terrain_info *info, int level, int axis,
@@ -215,8 +214,7 @@ static void eye_height_splits_exactly(void **state)
     terrain_destroy(terrain);
 }
 
-// ---- axes
-// ------------------------------------------------------------------------------------------------------
+// ---- axes ------------------------------------------------------------------
 
 static void axes_are_orthonormal_everywhere(void **state)
 {
@@ -283,8 +281,7 @@ static void straight_down_is_nothing_special(void **state)
     terrain_destroy(terrain);
 }
 
-// ---- projection
-// ------------------------------------------------------------------------------------------------
+// ---- projection ------------------------------------------------------------
 
 static void field_of_view_is_vertical(void **state)
 {
@@ -405,8 +402,7 @@ static void vertical_error_of_a_known_bump(void **state)
     terrain_destroy(terrain);
 }
 
-// ---- near and extremes
-// -----------------------------------------------------------------------------------------
+// ---- near and extremes -----------------------------------------------------
 
 static void near_by_height_over_ground(void **state)
 {

@@ -1,0 +1,23 @@
+// The files of a result folder other than results.json: frames/*.csv and pictures/*.png.  Each is whole or
+// absent.  All return false after one line on stderr.
+// SPDX-License-Identifier: MIT
+#ifndef BENCH_RESULT_FILES_H
+#define BENCH_RESULT_FILES_H
+
+#include "bench/run.h"
+
+extern const char *const moment_names[MOMENT_COUNT]; // "start", "middle", "worst"
+
+// Makes frames/ and pictures/, and removes what an earlier run left there and its results.json.
+bool result_make_folders(const char *folder);
+
+// Writes a whole text file under a temporary name and renames it.
+bool result_write_text(const char *path, const char *text);
+
+// frames/<slug>.csv: one line a frame; an empty cell was not measured.
+bool result_write_csv(const struct setting *setting, const char *folder);
+
+// pictures/<slug>_<moment>.png and pictures/<slug>_<moment>_error.png.
+bool result_write_pictures(const struct run *run, const struct setting *setting, const char *folder);
+
+#endif
