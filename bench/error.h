@@ -25,6 +25,11 @@
 // Where no triangle is drawn at the truth's hit there is no (b); plane_px stands in, so that ground seen
 // through a missing piece of the mesh does not pass for right.
 //
+// Where a ridge line passes through a pixel, the rasteriser may show the far slope, which faces away, though
+// the near one hides it: corners are snapped to a sub-pixel grid, and the depth of a sliver is no better than
+// its corners.  Such a pixel is drawn.  It is told from ground seen through a crack by its neighbours: across
+// a ridge one continues it and the opposite one is more than RIDGE_RATIO (8) times as far from it in depth.
+//
 // A column may hold several skylines (a needle above a valley, a map seen from outside, a rolled camera): a
 // pixel is measured to the nearest pixel of sky, and to the other picture's nearest ground, which in a
 // column with one skyline are those at the skyline.  The picture's border is not sky, but a skyline may lie

@@ -24,8 +24,8 @@ struct time_summary { // results.json: frame_ms{...}
     double ci95[2];
     bool has_ci; // false with fewer than 3 repeats
 };
-// times[repeat * frames + frame], milliseconds: per-frame minimum over repeats, then percentiles over frames, with a
-// bootstrap over whole repeats for the median's interval, as far below the estimate as above it.
+// times[repeat * frames + frame], milliseconds: per-frame minimum over repeats, then percentiles over frames,
+// with a bootstrap over whole repeats for the median's interval, as far below the estimate as above it.
 struct time_summary summarize_times(const double *times, int repeats, int frames, uint64_t seed);
 
 // Per-frame minimum over repeats into out[frames].

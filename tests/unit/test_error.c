@@ -362,6 +362,43 @@ static void test_planted_cracks(void **state)
     frame_close(&frame);
 }
 
+// A ridge line through a pixel: the far slope is drawn ground, a piece turned over in the middle of a slope
+// is a hole.
+static void test_ridge_is_no_crack(void **state)
+{
+    (void)state;
+    uint64_t random = 5;
+    struct frame frame;
+    struct mesh mesh = rough_mesh(33, &random);
+    struct camera camera = {{30, 480, 120}, 0, -0.1, 0, 60 * DEGREES};
+    frame_open(&frame, &mesh, &camera, 160, 120, 1);
+    frame_draw(&frame, &mesh);
+    int ridges = 0, slopes = 0, closed = 0, open = 0;
+    for (int y = 1; y < 118; y++)
+        for (int x = 1; x < 159; x++) {
+            const struct truth_pixel *p = &frame.truth.pixels[y * 160 + x], *below = p - 160,
+                                     *above = p + 160;
+            if (!(p->depth > 0 && below->depth > 0 && above->depth > 0)) continue;
+            double down = fabs(p->depth - below->depth), up = fabs(above->depth - p->depth);
+            bool ridge = up > 40 * down && up > 0.2 * p->depth,
+                 slope = up < 2 * down && down < 2 * up && up < 0.05 * p->depth;
+            if (!ridge && !slope) continue;
+            frame.positions[4 * (y * 160 + x) + 3] = -1;
+            frame_measure(&frame, 1);
+            frame.positions[4 * (y * 160 + x) + 3] = 1;
+            ridges += ridge;
+            slopes += slope;
+            closed += ridge && frame.error.holes == 0;
+            open += slope && frame.error.holes == 1;
+            x += 5; // a sample is enough
+        }
+    FIGURE("ridge lines: %d of %d far slopes count as drawn, %d of %d faces turned over on slopes are holes",
+           closed, ridges, open, slopes);
+    assert_true(ridges > 0 && closed == ridges);
+    assert_true(slopes > 100 && open >= slopes * 0.95); // next to a slope there may be a ridge
+    frame_close(&frame);
+}
+
 static void test_nothing_drawn(void **state)
 {
     (void)state;
@@ -741,6 +778,7 @@ int main(void)
         cmocka_unit_test(test_truth_drawn_as_it_is),
         cmocka_unit_test(test_known_bump),
         cmocka_unit_test(test_planted_cracks),
+        cmocka_unit_test(test_ridge_is_no_crack),
         cmocka_unit_test(test_nothing_drawn),
         cmocka_unit_test(test_planted_missing_tile),
         cmocka_unit_test(test_planted_skipped_ridge),

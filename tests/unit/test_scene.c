@@ -172,7 +172,7 @@ static void default_scene_is_carried(void **state)
     assert_string_equal(scene->sha256, file->sha256);
     assert_true(scene->width == 320 && scene->height == 200 && file->width == 640 && file->height == 480);
     assert_true(terrain_info(scene->terrain)->samples > 8000000);
-    assert_int_equal(path_frames(scene->path), 40);
+    assert_int_equal(path_frames(scene->path), 32);
     scene_destroy(scene);
     scene_destroy(file);
 }
