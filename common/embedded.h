@@ -1,5 +1,5 @@
-// Files that the programs carry in themselves: shaders, the default scene and the default terrain.  The Makefile makes
-// the table (build/embedded.S) from the list EMBEDDED, so that a program runs from any folder.
+// Files that the programs carry in themselves: shaders, the default scene and the default terrain.  The
+// Makefile makes the table (build/embedded.S) from the list EMBEDDED, so that a program runs from any folder.
 // SPDX-License-Identifier: MIT
 #ifndef COMMON_EMBEDDED_H
 #define COMMON_EMBEDDED_H

@@ -11,8 +11,9 @@
 // temporary name and renames it: the file is whole or absent.  False after one line on stderr.
 bool image_write_png(const char *path, int width, int height, int channels, const uint8_t *pixels);
 
-// Reads a 16-bit grey PNG, from a file, or from memory when data is not NULL (path then only names it in messages).
-// *samples: width * height values, top row first, to be freed by the caller.  False after one line on stderr.
+// Reads a 16-bit grey PNG, from a file, or from memory when data is not NULL (path then only names it in
+// messages). *samples: width * height values, top row first, to be freed by the caller.  False after one line
+// on stderr.
 bool image_read_grey16(const char *path, const void *data, size_t size, int *width, int *height,
                        uint16_t **samples);
 

@@ -39,7 +39,8 @@ void parallel_blocks(int count, int threads, void (*work)(int block, void *user)
     pthread_t helpers[MAX_THREADS];
     int started = 0;
     for (; started < threads - 1; started++)
-        if (pthread_create(&helpers[started], NULL, run_blocks, &job) != 0) break; // fewer threads, same result
+        if (pthread_create(&helpers[started], NULL, run_blocks, &job) != 0)
+            break; // fewer threads, same result
     run_blocks(&job);
     for (int i = 0; i < started; i++) pthread_join(helpers[i], NULL);
 }

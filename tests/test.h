@@ -1,5 +1,5 @@
-// What every test program starts from: cmocka, the two sizes of a property, printed figures, data that may be absent.
-// SPDX-License-Identifier: MIT
+// What every test program starts from: cmocka, the two sizes of a property, printed figures, data that may be
+// absent. SPDX-License-Identifier: MIT
 #ifndef TESTS_TEST_H
 #define TESTS_TEST_H
 
@@ -24,7 +24,8 @@ static inline int test_size(int everyday, int full)
 // Prints a measured figure; `tests/run` shows these lines.
 #define FIGURE(...) (printf("figure: " __VA_ARGS__), printf("\n"), fflush(stdout))
 
-// Path of a file in $RELIEF_DATA; NULL after printing a "skipped:" line when the folder or the file is missing.
+// Path of a file in $RELIEF_DATA; NULL after printing a "skipped:" line when the folder or the file is
+// missing.
 static inline const char *test_data(const char *name, char path[1024])
 {
     const char *folder = getenv("RELIEF_DATA");

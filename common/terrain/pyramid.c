@@ -55,7 +55,7 @@ static bool add_coarser(struct pyramid *pyramid, const struct terrain_options *o
     return true;
 }
 
-// ---- prediction: U of a level whose samples beyond the border are extrapolated linearly 
+// ---- prediction: U of a level whose samples beyond the border are extrapolated linearly
 
 static int32_t limit(int64_t q)
 {

@@ -157,7 +157,7 @@ static void no_visible_point_is_lost(void **state)
     assert_int_equal(tally.wrong_inside, 0);
 }
 
-// ---- exactness: every vertex of box and frustum together, from all triples of their planes 
+// ---- exactness: every vertex of box and frustum together, from all triples of their planes
 
 struct planes {
     double normal[11][3], offset[11];

@@ -11,8 +11,9 @@ static void test_percentile_is_nearest_rank(void **state)
     (void)state;
     const struct {
         int n, per_mille, expected;
-    } cases[] = {{1, 500, 1},  {2, 500, 1},   {3, 500, 2},      {10, 999, 10},    {999, 999, 999}, {1000, 999, 999},
-                 {100, 70, 7}, {200, 70, 14}, {2000, 999, 1998}, {1000, 1000, 1000}, {7, 1, 1}};
+    } cases[] = {{1, 500, 1},       {2, 500, 1},        {3, 500, 2},  {10, 999, 10},
+                 {999, 999, 999},   {1000, 999, 999},   {100, 70, 7}, {200, 70, 14},
+                 {2000, 999, 1998}, {1000, 1000, 1000}, {7, 1, 1}};
     for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
         double values[2000];
         for (int i = 0; i < cases[c].n; i++) values[i] = cases[c].n - i;
@@ -37,7 +38,8 @@ static void test_minimum_over_repeats_then_percentiles(void **state)
 static void test_rank_correlation_known_answers(void **state)
 {
     (void)state;
-    const double x[] = {1, 2, 3, 4, 5}, down[] = {50, 40, 30, 20, 10}, tied[] = {1, 1, 2, 2, 3}, flat[] = {3, 3, 3, 3, 3};
+    const double x[] = {1, 2, 3, 4, 5}, down[] = {50, 40, 30, 20, 10}, tied[] = {1, 1, 2, 2, 3},
+                 flat[] = {3, 3, 3, 3, 3};
     assert_true(fabs(rank_correlation(x, x, 5) - 1) < 1e-12);
     assert_true(fabs(rank_correlation(x, down, 5) + 1) < 1e-12);
     assert_true(fabs(rank_correlation(x, tied, 5) - 0.9486832980505138) < 1e-12); // 9 / sqrt(10 * 9)
@@ -48,7 +50,8 @@ static void test_rank_correlation_known_answers(void **state)
 static void test_curve_is_read_log_log(void **state)
 {
     (void)state;
-    const double xs[] = {8, 1, 2}, ys[] = {1, 64, 16}; // y = 64 / x^2 between 1 and 2, 16 (x/2)^-2 between 2 and 8
+    const double xs[] = {8, 1, 2},
+                 ys[] = {1, 64, 16}; // y = 64 / x^2 between 1 and 2, 16 (x/2)^-2 between 2 and 8
     assert_true(curve_at(xs, ys, 3, 2) == 16);
     assert_true(fabs(curve_at(xs, ys, 3, sqrt(2)) - 32) < 1e-12);
     assert_true(fabs(curve_at(xs, ys, 3, 4) - 4) < 1e-12);
@@ -79,9 +82,9 @@ static double deviate(uint64_t *seed)
     return sqrt(-2 * log(test_uniform(seed, 1e-12, 1))) * cos(6.283185307179586 * test_uniform(seed, 0, 1));
 }
 
-// The same renderer twice: the two intervals overlap, so the report says "cannot tell", in most trials.  The interval is
-// of a median of minima over few repeats, which a bootstrap covers less often than its nominal 95 %: what
-// must hold is that a difference is not claimed where there is none.
+// The same renderer twice: the two intervals overlap, so the report says "cannot tell", in most trials.  The
+// interval is of a median of minima over few repeats, which a bootstrap covers less often than its nominal 95
+// %: what must hold is that a difference is not claimed where there is none.
 static void test_same_renderer_twice_cannot_be_told_apart(void **state)
 {
     (void)state;
@@ -94,9 +97,12 @@ static void test_same_renderer_twice_cannot_be_told_apart(void **state)
         for (int run = 0; run < 2; run++) {
             double times[REPEATS * FRAMES];
             for (int r = 0; r < REPEATS; r++) {
-                double drift = 1 + 0.02 * fabs(deviate(&seed)); // a repeat is slow as a whole when others use the machine
+                double drift =
+                    1 +
+                    0.02 * fabs(deviate(&seed)); // a repeat is slow as a whole when others use the machine
                 for (int f = 0; f < FRAMES; f++)
-                    times[r * FRAMES + f] = (20 + 5 * sin(f * 0.3)) * drift * (1 + 0.03 * fabs(deviate(&seed)));
+                    times[r * FRAMES + f] =
+                        (20 + 5 * sin(f * 0.3)) * drift * (1 + 0.03 * fabs(deviate(&seed)));
             }
             summary[run] = summarize_times(times, REPEATS, FRAMES, (uint64_t)trial);
         }
