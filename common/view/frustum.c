@@ -16,6 +16,7 @@ static double dot(const double a[3], const double b[3])
 static void set_plane(struct frustum *frustum, int plane, const double side[3], double sign,
                       const double forward[3], double slope)
 {
+    // cppcheck-suppress ctuuninitvar ; the address of what is to be filled in
     double *normal = frustum->normal[plane], scale = 1 / sqrt(1 + slope * slope);
     for (int axis = 0; axis < 3; axis++) normal[axis] = (sign * side[axis] + slope * forward[axis]) * scale;
     frustum->offset[plane] = 0;
