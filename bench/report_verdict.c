@@ -257,12 +257,30 @@ static const struct report_run *most_holes(const struct report *report, int rend
     return worst;
 }
 
+// The sub-sampled mesh is closed, but nothing bounds how far under a skyline it stays: what is more than 8
+// pixels under it is a hole by definition, and no defect of a method.
+static void add_decimated_holes(const struct report *report, struct text *page)
+{
+    for (int i = 0; i < report->renderer_count; i++) {
+        const struct report_run *worst = most_holes(report, i);
+        if (!worst || report->renderers[i].role != ROLE_DECIMATED) continue;
+        double holes = json_number(worst->json, "holes.total");
+        if (holes == 0) continue;
+        text_add(page, " ");
+        page_run(page, report, worst);
+        text_add(page, " leaves ");
+        add_number(page, holes, holes == 1 ? "pixel" : "pixels");
+        text_add(page, " more than 8 under the skyline undrawn.");
+    }
+}
+
 static void add_holes(const struct report *report, struct text *page)
 {
     int measured = 0, broken = 0;
     for (int i = 0; i < report->renderer_count; i++) {
         const struct report_run *worst = most_holes(report, i);
-        if (!worst || report->renderers[i].role == ROLE_EMPTY) continue;
+        enum report_role role = report->renderers[i].role;
+        if (!worst || role == ROLE_EMPTY || role == ROLE_DECIMATED) continue;
         double holes = json_number(worst->json, "holes.total");
         measured++;
         if (holes == 0) continue;
@@ -275,9 +293,10 @@ static void add_holes(const struct report *report, struct text *page)
     if (!measured)
         text_add(page, "Holes were not measured.");
     else if (!broken)
-        text_add(page, "<b>No holes</b> in any frame of any setting.");
+        text_add(page, "<b>No holes</b> in any frame of any method's settings.");
     else
         text_add(page, ".");
+    add_decimated_holes(report, page);
 }
 
 // Share of the ground, for misses and for spills, at a renderer's best setting.
