@@ -188,6 +188,7 @@ static void measure_rows(int block, void *user)
             bool drawn = is_drawn(m->positions + 4 * pixel) || is_ridge(m, x, y);
             error->error_px[pixel] = error->plane_px[pixel] = NAN;
             error->kind[pixel] = ground ? PIXEL_HOLE : drawn ? PIXEL_SPILL : PIXEL_SKY;
+            if (ground != drawn && m->truth->pixels[pixel].skyline) error->kind[pixel] = PIXEL_SKY; // error.h
             if (ground && drawn) measure_ground(m, pixel, hit);
             hit += ground;
         }

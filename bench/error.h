@@ -25,6 +25,10 @@
 // Where no triangle is drawn at the truth's hit there is no (b); plane_px stands in, so that ground seen
 // through a missing piece of the mesh does not pass for right.
 //
+// Where the truth's skyline passes within a pixel's centre by less than the sub-pixel grid (TRUTH_SNAP_PX),
+// ground and sky are both right: a pixel drawn as the other of the two is no miss and no spill, and no
+// sample.
+//
 // Where a ridge line passes through a pixel, the rasteriser may show the far slope, which faces away, though
 // the near one hides it: corners are snapped to a sub-pixel grid, and the depth of a sliver is no better than
 // its corners.  Such a pixel is drawn.  It is told from ground seen through a crack by its neighbours: across

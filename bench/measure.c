@@ -191,6 +191,39 @@ static double time_roofline(struct measure *measure, struct run *run)
     return least;
 }
 
+// What the pipeline itself counted of a draw: an independent witness of the renderer's own number.
+struct witness {
+    GLuint generated, clipped; // queries; clipped is 0 where the driver has no pipeline statistics
+};
+
+static struct witness witness_begin(struct run *run)
+{
+    struct witness witness = {0};
+    glGenQueries(1, &witness.generated);
+    glBeginQuery(GL_PRIMITIVES_GENERATED, witness.generated);
+    if (gpu_info(run->gpu)->pipeline_statistics) {
+        glGenQueries(1, &witness.clipped);
+        glBeginQuery(GL_CLIPPING_OUTPUT_PRIMITIVES_ARB, witness.clipped);
+    }
+    return witness;
+}
+
+static void witness_end(struct witness *witness, struct frame_record *record)
+{
+    GLuint64 count = 0;
+    glEndQuery(GL_PRIMITIVES_GENERATED);
+    glGetQueryObjectui64v(witness->generated, GL_QUERY_RESULT, &count);
+    record->generated_triangles = (double)count;
+    record->clipped_triangles = NAN;
+    if (witness->clipped) {
+        glEndQuery(GL_CLIPPING_OUTPUT_PRIMITIVES_ARB);
+        glGetQueryObjectui64v(witness->clipped, GL_QUERY_RESULT, &count);
+        record->clipped_triangles = (double)count;
+        glDeleteQueries(1, &witness->clipped);
+    }
+    glDeleteQueries(1, &witness->generated);
+}
+
 // Draws the frame in the three ways that are measured: shaded (its hash and snapshot), position, captured.
 static bool draw_passes(struct measure *measure, struct run *run, struct setting *setting, int i)
 {
@@ -202,7 +235,9 @@ static bool draw_passes(struct measure *measure, struct run *run, struct setting
     if (!type->update(setting->renderer, &measure->view, 1)) return false;
     gpu_set_view(run->gpu, run->scene->terrain, &measure->view);
     gpu_target_begin(run->gpu, &run->shaded);
+    struct witness witness = witness_begin(run);
     type->draw(setting->renderer, 0, PASS_SHADED);
+    witness_end(&witness, record);
     type->stats(setting->renderer, &stats);
     struct gpu_counters counted = gpu_counters(run->gpu);
     record->triangles = (double)stats.triangles;
@@ -236,7 +271,6 @@ static bool draw_passes(struct measure *measure, struct run *run, struct setting
 // step along both axes, on either side) meets what was drawn.
 static uint64_t order_beyond_grid(const struct measure *measure)
 {
-    const double reach_px = 1.4142135623730951 / 256;
     const struct frame_error *error = &measure->error;
     const struct view *view = &measure->view;
     uint64_t count = 0;
@@ -255,7 +289,7 @@ static uint64_t order_beyond_grid(const struct measure *measure)
             float slope[2];
             view_ray(view, (int)(p % (size_t)error->width), (int)(p / (size_t)error->width), ray);
             for (int axis = 0; axis < 3; axis++)
-                ray[axis] += reach_px / view->pixels_per_tangent *
+                ray[axis] += TRUTH_SNAP_PX / view->pixels_per_tangent *
                              (around[k][0] * view->right[axis] + around[k][1] * view->up[axis]);
             explained = truth_cast_ray(measure->surface, view->eye_m, ray, &t, slope) &&
                         fabs(t - depth) <= 1e-3 * depth;
@@ -327,10 +361,11 @@ static void blank_errors(struct setting *setting)
 {
     for (int i = 0; i < setting->frame_count; i++) {
         struct frame_record *record = &setting->records[i];
-        record->roofline_ms = record->triangles = record->visible_triangles = record->draw_calls =
-            record->upload_bytes = record->error_px_mean = record->error_px_p999 = record->error_px_max =
-                record->temporal_px_p999 = record->ground = record->holes = record->misses = record->spills =
-                    record->order_mismatches = record->order_beyond_grid = NAN;
+        record->generated_triangles = record->clipped_triangles = record->roofline_ms = record->triangles =
+            record->visible_triangles = record->draw_calls = record->upload_bytes = record->error_px_mean =
+                record->error_px_p999 = record->error_px_max = record->temporal_px_p999 = record->ground =
+                    record->holes = record->misses = record->spills = record->order_mismatches =
+                        record->order_beyond_grid = NAN;
     }
 }
 

@@ -46,6 +46,7 @@ FIELD(gpu_ms)
 FIELD(throughput_ms)
 FIELD(triangles)
 FIELD(visible_triangles)
+FIELD(clipped_triangles)
 FIELD(draw_calls)
 FIELD(upload_bytes)
 FIELD(holes)
@@ -146,6 +147,18 @@ static void add_coverage(cJSON *run_json, const char *key, const struct setting 
     add_number(json, "total", total);
     add_number(json, "worst_frame", max_of(setting, field));
     add_number(json, "share", total / (mean_of(setting, get_ground) * setting->frame_count));
+}
+
+// Whether the pipeline counted the renderer's own number of triangles in every frame; null when not measured.
+static void add_confirmed(cJSON *run_json, const struct setting *setting)
+{
+    bool confirmed = true;
+    for (int i = 0; i < setting->frame_count; i++)
+        confirmed = confirmed && setting->records[i].generated_triangles == setting->records[i].triangles;
+    if (setting->measured)
+        cJSON_AddBoolToObject(run_json, "triangles_confirmed", confirmed);
+    else
+        cJSON_AddNullToObject(run_json, "triangles_confirmed");
 }
 
 static void add_setting_json(cJSON *run_json, const struct setting *setting)
@@ -251,6 +264,8 @@ static cJSON *run_json(struct run *run, struct setting *setting, struct error_su
     add_number(json, "fps", 1e3 / mean_of(setting, get_frame_ms));
     add_mean_max(json, "triangles", setting, get_triangles);
     add_mean_max(json, "visible_triangles", setting, get_visible_triangles);
+    add_mean_max(json, "clipped_triangles", setting, get_clipped_triangles);
+    add_confirmed(json, setting);
     add_mean_max(json, "draw_calls", setting, get_draw_calls);
     add_mean_max(json, "upload_bytes", setting, get_upload_bytes);
     cJSON_AddNumberToObject(json, "resident_bytes", (double)setting->resident_bytes);

@@ -40,6 +40,8 @@ struct frame_record {
     double frame_ms, update_ms, draw_ms, wall_ms, worker_ms, gpu_ms, throughput_ms,
         roofline_ms; // times: minimum over repeats
     double triangles, visible_triangles, draw_calls, upload_bytes;
+    double generated_triangles,
+        clipped_triangles; // as the pipeline counted: submitted, and left after clipping
     double error_px_mean, error_px_p999, error_px_max, temporal_px_p999;
     double ground, holes, misses, spills, order_mismatches, order_beyond_grid;
 };

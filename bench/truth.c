@@ -450,7 +450,50 @@ static bool cast_pixel(const struct casting *c, int x, int y, struct truth_pixel
     pixel->relative[1] = hit.t * ray_m[1];
     pixel->relative[2] = (hit.height_q - c->origin[2]) * s->quantum_m;
     for (int k = 0; k < 2; k++) pixel->slope[k] = (float)(hit.slope_q[k] * s->quantum_m / s->spacing_m[k]);
+    pixel->skyline = false;
     return true;
+}
+
+static bool borders_other(const struct truth *truth, int x, int y)
+{
+    bool ground = truth->pixels[(size_t)y * (size_t)truth->width + (size_t)x].depth > 0;
+    for (int j = y > 0 ? y - 1 : y; j <= y + 1 && j < truth->height; j++)
+        for (int i = x > 0 ? x - 1 : x; i <= x + 1 && i < truth->width; i++)
+            if ((truth->pixels[(size_t)j * (size_t)truth->width + (size_t)i].depth > 0) != ground)
+                return true;
+    return false;
+}
+
+// Whether a ray next to the centre sees the other of ground and sky.
+static bool sees_other(const struct casting *c, int x, int y, bool ground)
+{
+    static const double around[8][2] = {{1, 0},   {-1, 0},   {0, 1},    {0, -1},
+                                        {.7, .7}, {-.7, .7}, {.7, -.7}, {-.7, -.7}};
+    const struct truth_surface *s = c->surface;
+    const double unit_m[3] = {s->spacing_m[0], s->spacing_m[1], s->quantum_m};
+    const double reach = TRUTH_SNAP_PX / c->view->pixels_per_tangent;
+    for (int k = 0; k < 8; k++) {
+        double ray[3];
+        struct hit hit;
+        view_ray(c->view, x, y, ray);
+        for (int axis = 0; axis < 3; axis++) {
+            ray[axis] += reach * (around[k][0] * c->view->right[axis] + around[k][1] * c->view->up[axis]);
+            ray[axis] /= unit_m[axis];
+        }
+        if (cast(s, c->origin, ray, c->view->near_m, &hit) != ground) return true;
+    }
+    return false;
+}
+
+static void mark_skyline(int block, void *user)
+{
+    const struct casting *c = user;
+    struct truth *truth = c->truth;
+    for (int y = block * ROWS_A_BLOCK; y < (block + 1) * ROWS_A_BLOCK && y < truth->height; y++)
+        for (int x = 0; x < truth->width; x++) {
+            struct truth_pixel *pixel = &truth->pixels[(size_t)y * (size_t)truth->width + (size_t)x];
+            if (borders_other(truth, x, y)) pixel->skyline = sees_other(c, x, y, pixel->depth > 0);
+        }
 }
 
 static void cast_rows(int block, void *user)
@@ -477,6 +520,7 @@ void truth_cast(struct truth *truth, const struct truth_surface *surface, const 
         casting.origin[k] = (double)(origin.base[k] - surface->first[k]) + (double)origin.fraction[k];
     casting.origin[2] = ldexp((double)view->eye_height, -VIEW_HEIGHT_BITS);
     parallel_blocks((truth->height + ROWS_A_BLOCK - 1) / ROWS_A_BLOCK, threads, cast_rows, &casting);
+    parallel_blocks((truth->height + ROWS_A_BLOCK - 1) / ROWS_A_BLOCK, threads, mark_skyline, &casting);
     truth->row_first[0] = 0;
     for (int y = 0; y < truth->height; y++) truth->row_first[y + 1] += truth->row_first[y];
     truth->ground = truth->row_first[truth->height];

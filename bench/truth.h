@@ -13,10 +13,15 @@
 #include "common/terrain/terrain.h"
 #include "common/view/view.h"
 
+// How far from a pixel's centre a rasteriser may place an edge: it snaps corners to a grid of 1/256 pixel,
+// each by half a step along both axes, and decides at a point interpolated between corners that moved as far.
+#define TRUTH_SNAP_PX (1.4142135623730951 / 256)
+
 struct truth_pixel {
     double relative[3]; // hit, relative to the eye, metres, z the surface's own; meaningful when depth > 0
     double depth;       // along forward; 0: sky
     float slope[2];     // dz/dx, dz/dy of the triangle hit, metres per metre
+    bool skyline; // the skyline passes within TRUTH_SNAP_PX of the centre: ground and sky are both right
 };
 
 struct truth {

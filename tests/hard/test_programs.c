@@ -304,6 +304,7 @@ static void check_flight(const char *name, bool bound_coverage)
         if (strcmp(id, "null") == 0 || strncmp(id, "decimated", 9) == 0) continue;
         if (number(r, "holes", "total") != 0) print_error("%s: %s has holes\n", name, id);
         assert_true(number(r, "holes", "total") == 0);
+        assert_true(cJSON_IsTrue(cJSON_GetObjectItemCaseSensitive(r, "triangles_confirmed")));
     }
     static const struct {
         const char *renderer;
@@ -360,6 +361,45 @@ static void test_puget_flights(void **state)
     }
 }
 
+// E10: the same pictures and numbers from programs built with -O0, -O2 and -O3.  Takes builds of its own.
+static void test_optimisation_changes_nothing(void **state)
+{
+    (void)state;
+    static const char *const levels[] = {"-O0", "-O3"};
+    char command[2048], path[600];
+    if (!getenv("RELIEF_SOAK")) {
+        printf("skipped: -O0 and -O3 are built at full size only\n");
+        return;
+    }
+    assert_int_equal(run("bench run --terrain %s/hills.png --frames 6 --repeats 1 --size 320x240 --out %s/O2",
+                         folder, folder),
+                     EXIT_GOOD);
+    cJSON *built = read_results("O2");
+    for (int l = 0; l < 2; l++) {
+        snprintf(command, sizeof command,
+                 "make -s BUILD=%s/%s CFLAGS=%s %s/%s/bench >%s/make.txt 2>&1 && env -u DISPLAY %s/%s/bench "
+                 "run --terrain "
+                 "%s/hills.png --frames 6 --repeats 1 --size 320x240 --out %s/%s/results >%s/out.txt 2>&1",
+                 folder, levels[l], levels[l], folder, levels[l], folder, folder, levels[l], folder, folder,
+                 levels[l], folder);
+        assert_int_equal(system(command), 0);
+        snprintf(path, sizeof path, "%s/results", levels[l]);
+        cJSON *other = read_results(path);
+        const cJSON *a;
+        cJSON_ArrayForEach(a, cJSON_GetObjectItemCaseSensitive(built, "runs"))
+        {
+            const cJSON *b = find_run(other, cJSON_GetObjectItemCaseSensitive(a, "id")->valuestring);
+            assert_non_null(b);
+            assert_same(a, b, "error_px");
+            assert_same(a, b, "triangles");
+            assert_same(a, b, "pictures_sha256");
+        }
+        FIGURE("E10: %s gives the pictures and numbers of -O2", levels[l]);
+        cJSON_Delete(other);
+    }
+    cJSON_Delete(built);
+}
+
 // Ctrl-C keeps what was measured.
 static void test_interrupt_keeps_results(void **state)
 {
@@ -407,6 +447,7 @@ int main(void)
         cmocka_unit_test(test_bad_input_is_one_line),
         cmocka_unit_test(test_flat_ground_has_no_error),
         cmocka_unit_test(test_runs_repeat_bit_for_bit),
+        cmocka_unit_test(test_optimisation_changes_nothing),
         cmocka_unit_test(test_interrupt_keeps_results),
         cmocka_unit_test(test_default_flight),
         cmocka_unit_test(test_puget_flights),
