@@ -9,7 +9,7 @@ BUILD  := $(if $(filter release,$(config)),build,build/$(config))
 OBJ    := $(BUILD)/obj
 
 # ---- packages (Debian names) ----------------------------------------------------------------------------------
-PACKAGES := gcc libc6-dev make pkg-config git clang-format clang-tidy cppcheck libepoxy-dev libglfw3-dev libosmesa6-dev \
+PACKAGES := gcc libc6-dev make pkg-config git clang-format cppcheck libepoxy-dev libglfw3-dev libosmesa6-dev \
             libegl-dev libegl-mesa0 libgl1-mesa-dri libglx-mesa0 libcjson-dev libpng-dev libcmocka-dev gnuplot-nox \
             xvfb xauth libxml2-utils
 LIBRARIES := epoxy glfw3 libcjson libpng
