@@ -80,6 +80,21 @@ static bool open_gpu(struct run *run)
            gpu_target_init(run->gpu, &run->position, run->scene->width, run->scene->height, GL_RGBA32F);
 }
 
+// Exact percentiles keep every sample of error_px and plane_px until the end.  A run that cannot hold them
+// says so before it has measured for an hour.
+static bool check_memory(const struct run *run)
+{
+    double pixels = (double)run->scene->width * run->scene->height, frames = 0;
+    for (int s = 0; s < run->setting_count; s++) frames += run->settings[s].frame_count;
+    double needed = frames * pixels * 2 * sizeof(float);
+    double present = (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE);
+    if (needed <= 0.75 * present) return true;
+    return fail("--frames %d: the error samples need %.1f GiB, this machine has %.1f; fewer frames, settings "
+                "(--renderers) or pixels "
+                "(--size) are accepted",
+                run->frames, needed / 0x1p30, present / 0x1p30);
+}
+
 static void print_summary(const struct run *run)
 {
     printf("report: %s/index.html\n", run->options.out);
@@ -102,7 +117,7 @@ static int fly_and_write(struct run *run)
     if (!open_gpu(run)) return EXIT_WORLD;
     progress_start(&run->progress);
     progress_phase(&run->progress, "preparing the renderers");
-    bool good = create_renderers(run);
+    bool good = create_renderers(run) && check_memory(run);
     if (good && !interrupted) good = fly_timed(run);
     if (good && run->order_count) good = measure_errors(run);
     progress_end(&run->progress);
