@@ -282,15 +282,10 @@ static uint64_t order_beyond_grid(const struct measure *measure)
             !frame_error_other_surface((double)error->plane_px[p], depth, measure->truth.pixels[p].depth))
             continue;
         bool explained = false;
-        for (int k = 0; k < 8 && !explained; k++) {
-            static const double around[8][2] = {{1, 0},   {-1, 0},   {0, 1},    {0, -1},
-                                                {.7, .7}, {.7, -.7}, {-.7, .7}, {-.7, -.7}};
+        for (int k = 0; k < TRUTH_SNAP_RAYS && !explained; k++) {
             double ray[3], t;
             float slope[2];
-            view_ray(view, (int)(p % (size_t)error->width), (int)(p / (size_t)error->width), ray);
-            for (int axis = 0; axis < 3; axis++)
-                ray[axis] += TRUTH_SNAP_PX / view->pixels_per_tangent *
-                             (around[k][0] * view->right[axis] + around[k][1] * view->up[axis]);
+            truth_snap_ray(view, (int)(p % (size_t)error->width), (int)(p / (size_t)error->width), k, ray);
             explained = truth_cast_ray(measure->surface, view->eye_m, ray, &t, slope) &&
                         fabs(t - depth) <= 1e-3 * depth;
         }

@@ -464,22 +464,26 @@ static bool borders_other(const struct truth *truth, int x, int y)
     return false;
 }
 
+void truth_snap_ray(const struct view *view, int x, int y, int ray, double direction[3])
+{
+    static const double around[TRUTH_SNAP_RAYS][2] = {{1, 0},   {-1, 0},   {0, 1},    {0, -1},
+                                                      {.7, .7}, {-.7, .7}, {.7, -.7}, {-.7, -.7}};
+    view_ray(view, x, y, direction);
+    for (int axis = 0; axis < 3; axis++)
+        direction[axis] += TRUTH_SNAP_PX / view->pixels_per_tangent *
+                           (around[ray][0] * view->right[axis] + around[ray][1] * view->up[axis]);
+}
+
 // Whether a ray next to the centre sees the other of ground and sky.
 static bool sees_other(const struct casting *c, int x, int y, bool ground)
 {
-    static const double around[8][2] = {{1, 0},   {-1, 0},   {0, 1},    {0, -1},
-                                        {.7, .7}, {-.7, .7}, {.7, -.7}, {-.7, -.7}};
     const struct truth_surface *s = c->surface;
     const double unit_m[3] = {s->spacing_m[0], s->spacing_m[1], s->quantum_m};
-    const double reach = TRUTH_SNAP_PX / c->view->pixels_per_tangent;
-    for (int k = 0; k < 8; k++) {
+    for (int k = 0; k < TRUTH_SNAP_RAYS; k++) {
         double ray[3];
         struct hit hit;
-        view_ray(c->view, x, y, ray);
-        for (int axis = 0; axis < 3; axis++) {
-            ray[axis] += reach * (around[k][0] * c->view->right[axis] + around[k][1] * c->view->up[axis]);
-            ray[axis] /= unit_m[axis];
-        }
+        truth_snap_ray(c->view, x, y, k, ray);
+        for (int axis = 0; axis < 3; axis++) ray[axis] /= unit_m[axis];
         if (cast(s, c->origin, ray, c->view->near_m, &hit) != ground) return true;
     }
     return false;

@@ -40,6 +40,11 @@ void truth_surface_destroy(struct truth_surface *surface);                 // ac
 bool truth_init(struct truth *truth, int width, int height); // false after one line on stderr
 void truth_finish(struct truth *truth);                      // accepts a zeroed struct
 
+// Direction of one of the rays around the centre of pixel (x, y), TRUTH_SNAP_PX away from it, depth 1 along
+// forward as view_ray's.
+enum { TRUTH_SNAP_RAYS = 8 };
+void truth_snap_ray(const struct view *view, int x, int y, int ray, double direction[3]);
+
 // Casts a ray through each pixel's centre, from depth near_m on.  The view is of the truth's size.
 void truth_cast(struct truth *truth, const struct truth_surface *surface, const struct view *view,
                 int threads);
