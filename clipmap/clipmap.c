@@ -23,8 +23,8 @@ static const struct renderer_knob knobs[] = {
     {"fade", "fade a level before the viewer's height switches it off", 1, 0, 1, "off|on"},
     {"cull", "draw only blocks that the frustum meets", 1, 0, 1, "off|on"},
     {"faces",
-     "draw both sides of the surface, or only what is seen from above (positions are measured with both)", 1,
-     0, 1, "both|front"},
+     "triangles drawn: both sides of the surface, or only those that face the eye (may drop a pixel)", 0, 0,
+     1, "both|front"},
     {NULL, NULL, 0, 0, 0, NULL},
 };
 

@@ -4,8 +4,10 @@
 // A frame:  begin_frame(n); update(views, count); draw(0, pass) ... draw(count-1, pass); stats().
 // update() selects and uploads; draw() issues GL draws of what was selected for that view, in any pass, any
 // number of times. Faces may be culled in the shaded and depth passes, never in the position pass: what is
-// seen from below shows a crack. update and draw are timed apart.  Results depend on the frame number and the
-// views alone, never on the clock. SPDX-License-Identifier: MIT
+// seen from below shows a crack. By default they are not: a clipped triangle that is nearly edge-on may be
+// culled by one rounding of its corners and drawn by another, and leave a pixel undrawn. update and draw are
+// timed apart.  Results depend on the frame number and the views alone, never on the clock.
+// SPDX-License-Identifier: MIT
 #ifndef COMMON_RENDERER_H
 #define COMMON_RENDERER_H
 

@@ -23,7 +23,9 @@ static const struct renderer_knob knobs[] = {
     {"delta", "error of a tile: as published, or with the borders that finer neighbours ask for",
      GEOMIPMAP_STABLE, 0, 1, "published|stable"},
     {"cull", "draw only tiles that the frustum meets", 1, 0, 1, "off|on"},
-    {"faces", "triangles drawn: those that face the eye, or both sides", 0, 0, 1, "front|both"},
+    {"faces",
+     "triangles drawn: both sides of the surface, or only those that face the eye (may drop a pixel)", 0, 0,
+     1, "both|front"},
     {"cache", "most tiles in the vertex buffer; 0: as many as a frame needs", 0, 0, 1e6, NULL},
     {NULL, NULL, 0, 0, 0, NULL},
 };
@@ -368,7 +370,7 @@ static bool init(struct geomipmap *g, const struct renderer_desc *desc)
     g->choice = (struct geomipmap_choice){.metric = (enum geomipmap_metric)desc->knobs[KNOB_METRIC],
                                           .tau_px = desc->knobs[KNOB_TAU],
                                           .cull = desc->knobs[KNOB_CULL] != 0};
-    g->front_only = desc->knobs[KNOB_FACES] == 0;
+    g->front_only = desc->knobs[KNOB_FACES] != 0;
     int merge = (int)desc->knobs[KNOB_MERGE], most = GEOMIPMAP_MAX_EXTENT - bits;
     if (!geomipmap_mesh_init(&g->mesh, bits) ||
         !geomipmap_tiles_init(&g->tiles, desc->terrain, bits, merge < most ? merge : most,

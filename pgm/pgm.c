@@ -27,6 +27,7 @@ enum knob {
     KNOB_BIAS,
     KNOB_FILTER,
     KNOB_CULL,
+    KNOB_FACES,
 };
 
 static const struct renderer_knob knobs[] = {
@@ -53,6 +54,9 @@ static const struct renderer_knob knobs[] = {
     {"filter", "how a level is read between samples", 2, 0, 2, "nearest|bilinear|triangle"},
     {"cull", "leave out tiles of the grid outside the view: few, as the rows fit the view already", 0, 0, 1,
      "off|on"},
+    {"faces",
+     "triangles drawn: both sides of the surface, or only those that face the eye (may drop a pixel)", 0, 0,
+     1, "both|front"},
     {0},
 };
 
@@ -87,7 +91,7 @@ struct pgm {
     struct renderer_desc desc;
     struct pgm_settings settings;
     struct pgm_world world;
-    bool cull;
+    bool cull, front_only;
     struct pgm_atlas atlas;
     struct gpu_program programs[PASS_COUNT];
     GLuint vertex_array, vertex_buffer, index_buffer;
@@ -116,6 +120,7 @@ static void read_settings(struct pgm *pgm)
     s->spread = (enum pgm_spread)k[KNOB_SPREAD];
     s->lod_bias = k[KNOB_BIAS];
     pgm->cull = k[KNOB_CULL] > 0;
+    pgm->front_only = k[KNOB_FACES] > 0;
 }
 
 // Highest of all levels in a rectangle: where filtering overshoots, a coarser level stands higher than the
@@ -420,9 +425,8 @@ static void pgm_draw(struct renderer *renderer, int view_index, enum render_pass
     glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
     glBindTexture(GL_TEXTURE_2D, pgm->atlas.texture);
     glBindVertexArray(pgm->vertex_array);
-    // The far sides of hills.  A fold of the grid in the picture covers its pixels with one face more that
-    // looks here than away, so nothing is uncovered.
-    if (pass != PASS_POSITION) glEnable(GL_CULL_FACE); // measuring looks for faces seen from below
+    if (pgm->front_only && pass != PASS_POSITION)
+        glEnable(GL_CULL_FACE); // measuring looks for faces seen from below
     if (selection->draws == 1)
         gpu_draw_elements(pgm->desc.gpu, GL_TRIANGLES, (size_t)selection->counts[0], GL_UNSIGNED_INT,
                           selection->firsts[0], 0, selection->triangles);
@@ -430,6 +434,7 @@ static void pgm_draw(struct renderer *renderer, int view_index, enum render_pass
         gpu_multi_draw_elements(pgm->desc.gpu, GL_TRIANGLES, selection->counts, GL_UNSIGNED_INT,
                                 selection->firsts, pgm->base_vertices, selection->draws,
                                 selection->triangles);
+    glDisable(GL_CULL_FACE);
 }
 
 static void pgm_stats(const struct renderer *renderer, struct renderer_stats *stats)
