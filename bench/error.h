@@ -88,22 +88,4 @@ struct places *truth_places(const struct truth *truth, int threads);
 void frame_error_picture(const struct frame_error *error, uint8_t *rgb);
 void frame_error_colour(double error_px, uint8_t rgb[3]);
 
-// ---- statistics over many frames ----------------------------------------------------------------
-
-struct error_summary { // results.json: error_px{...}
-    double mean, rms, p50, p99, p999, max, share_over_1px;
-    uint64_t samples;
-};
-
-// Collects samples and gives exact nearest-rank percentiles, k = (999 N + 999) / 1000 (numerics.md, E8).
-// Starts zeroed.
-struct error_samples {
-    float *values;
-    size_t count, capacity;
-};
-bool error_samples_add(struct error_samples *samples, const float *values, size_t count); // passes NANs over
-// Reorders the samples; all 0 when there are none.
-struct error_summary error_samples_summary(struct error_samples *samples);
-void error_samples_finish(struct error_samples *samples);
-
 #endif

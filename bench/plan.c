@@ -115,6 +115,8 @@ static bool choose_frames(struct run *run, struct setting *setting, uint64_t tri
     for (int i = 0; i < setting->frame_count; i++)
         setting->frames[i] =
             setting->frame_count > 1 ? (int)((int64_t)i * (run->frames - 1) / (setting->frame_count - 1)) : 0;
+    setting->error_px.most = setting->plane_px.most =
+        (uint64_t)setting->frame_count * (uint64_t)run->scene->width * (uint64_t)run->scene->height;
     size_t count = (size_t)setting->frame_count * (size_t)run->options.repeats;
     for (int column = 0; column < TIME_COLUMNS; column++) {
         setting->times[column] = malloc(count * sizeof(double));

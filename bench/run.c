@@ -80,13 +80,12 @@ static bool open_gpu(struct run *run)
            gpu_target_init(run->gpu, &run->position, run->scene->width, run->scene->height, GL_RGBA32F);
 }
 
-// Exact percentiles keep every sample of error_px and plane_px until the end.  A run that cannot hold them
-// says so before it has measured for an hour.
+// A run that cannot hold its error samples says so before it has measured for an hour.
 static bool check_memory(const struct run *run)
 {
-    double pixels = (double)run->scene->width * run->scene->height, frames = 0;
-    for (int s = 0; s < run->setting_count; s++) frames += run->settings[s].frame_count;
-    double needed = frames * pixels * 2 * sizeof(float);
+    double needed = 0;
+    for (int s = 0; s < run->setting_count; s++)
+        needed += 2 * error_samples_bytes((double)run->settings[s].error_px.most); // and as many plane_px
     double present = (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE);
     if (needed <= 0.75 * present) return true;
     return fail("--frames %d: the error samples need %.1f GiB, this machine has %.1f; fewer frames, settings "

@@ -14,6 +14,7 @@
 #include "bench/progress.h"
 #include "bench/registry.h"
 #include "bench/roofline.h"
+#include "bench/samples.h"
 #include "bench/statistics.h"
 #include "common/scene/scene.h"
 

@@ -4,6 +4,7 @@
 #include "tests/test.h"
 
 #include "bench/error.h"
+#include "bench/samples.h"
 
 #include <string.h>
 #include <time.h>
@@ -675,80 +676,6 @@ static void test_threads(void **state)
     frame_close(&frame);
 }
 
-// ---- statistics -----------------------------------------------------------------------------------
-
-static int compare_floats(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
-// Nearest rank with integers (E8), on every kind of order.
-static void test_percentiles(void **state)
-{
-    (void)state;
-    uint64_t random = 6;
-    int checked = 0;
-    const size_t counts[] = {1, 2, 3, 9, 10, 100, 999, 1000, 1001, 1999, 2000, 12345, 200000};
-    float *values = malloc(200000 * sizeof *values), *sorted = malloc(200000 * sizeof *sorted);
-    assert_true(values && sorted);
-    for (size_t c = 0; c < sizeof counts / sizeof *counts; c++)
-        for (int order = 0; order < 5; order++) {
-            size_t n = counts[c];
-            for (size_t k = 0; k < n; k++)
-                values[k] = order == 0   ? (float)test_uniform(&random, 0, 2)
-                            : order == 1 ? (float)k
-                            : order == 2 ? (float)(n - k)
-                            : order == 3 ? 0.5f
-                                         : (float)(test_random(&random) % 3);
-            memcpy(sorted, values, n * sizeof *values);
-            qsort(sorted, n, sizeof *sorted, compare_floats);
-            struct error_summary got = summary_of(values, n);
-            assert_int_equal(got.samples, n);
-            assert_true(got.p50 == (double)sorted[(500 * n + 999) / 1000 - 1]);
-            assert_true(got.p99 == (double)sorted[(990 * n + 999) / 1000 - 1]);
-            assert_true(got.p999 == (double)sorted[(999 * n + 999) / 1000 - 1]);
-            assert_true(got.max == (double)sorted[n - 1] && (n >= 1000 || got.p999 == got.max));
-            double sum = 0, squares = 0, over = 0;
-            for (size_t k = 0; k < n; k++) {
-                sum += (double)sorted[k], squares += (double)sorted[k] * (double)sorted[k];
-                over += sorted[k] > 1;
-            }
-            assert_true(fabs(got.mean * (double)n - sum) <= 1e-9 * sum);
-            assert_true(fabs(got.rms * got.rms * (double)n - squares) <= 1e-9 * squares);
-            assert_true(got.share_over_1px == over / (double)n);
-            checked++;
-        }
-    int naive = 0; // ranks by ceil(p N) in floating point
-    for (int n = 1; n <= 200000; n++) naive += (int)ceil(0.07 * n) != (70 * n + 999) / 1000;
-    FIGURE("percentiles: %d lists, exact; a floating-point rank is off for %d of 200000 counts", checked,
-           naive);
-    assert_true(naive > 0);
-    free(values), free(sorted);
-}
-
-static void test_samples_grow_and_pass_nans(void **state)
-{
-    (void)state;
-    struct error_samples samples = {0};
-    struct error_summary none = error_samples_summary(&samples), zero = {0};
-    assert_memory_equal(&none, &zero, sizeof zero);
-    enum { PIECE = 1000 };
-    float piece[PIECE];
-    size_t kept = 0;
-    for (int k = 0; k < test_size(2000, 100000); k++) {
-        for (int i = 0; i < PIECE; i++) piece[i] = i % 4 ? (float)(i % 4) : NAN;
-        assert_true(error_samples_add(&samples, piece, PIECE));
-        kept += PIECE / 4 * 3;
-    }
-    assert_int_equal(samples.count, kept);
-    struct error_summary summary = error_samples_summary(&samples);
-    assert_int_equal(summary.samples, kept);
-    assert_true(summary.mean == 2 && summary.p50 == 2 && summary.max == 3 && summary.p999 == 3);
-    assert_true(fabs(summary.share_over_1px - 2.0 / 3) < 1e-12);
-    error_samples_finish(&samples);
-}
-
 // ---- colours --------------------------------------------------------------------------------------
 
 static double lightness(const uint8_t rgb[3])
@@ -802,8 +729,6 @@ int main(void)
         cmocka_unit_test(test_needle),
         cmocka_unit_test(test_hard_views),
         cmocka_unit_test(test_threads),
-        cmocka_unit_test(test_percentiles),
-        cmocka_unit_test(test_samples_grow_and_pass_nans),
         cmocka_unit_test(test_colours),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
