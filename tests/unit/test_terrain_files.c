@@ -204,6 +204,44 @@ static void raw_files(void **state)
     terrain_destroy(terrain);
 }
 
+// What GDAL reads: an Arc/Info grid, north row first, in metres and in degrees; nodata; a truncated one is
+// refused.
+static void gdal_rasters(void **state)
+{
+    (void)state;
+#ifdef RELIEF_GDAL
+    const char *grid = "ncols 3\nnrows 2\nxllcorner 10\nyllcorner 59\ncellsize 25\nNODATA_value -7\n"
+                       "1.5 2 -7\n-430.25 5 6\n";
+    write_text("metres.asc", grid);
+    struct terrain *terrain = taken("metres.asc", 1);
+    const struct terrain_info *info = terrain_info(terrain);
+    assert_true(info->spacing_m[0] == 25 && info->spacing_m[1] == 25 && info->voids_filled == 1);
+    assert_true(height_at(terrain, 0, 0) == 1.5 && height_at(terrain, 1, 0) == 2);
+    assert_true(height_at(terrain, 0, 1) == -430.25 && height_at(terrain, 2, 1) == 6);
+    terrain_destroy(terrain);
+
+    write_text("degrees.asc", "ncols 2\nnrows 2\nxllcorner 10\nyllcorner 59\ncellsize 1\n1 2\n3 4\n");
+    write_text("degrees.prj",
+               "GEOGCS[\"WGS 84\",DATUM[\"WGS_1984\",SPHEROID[\"WGS 84\",6378137,298.257223563]],"
+               "PRIMEM[\"Greenwich\",0],UNIT[\"degree\",0.0174532925199433]]\n");
+    terrain = taken("degrees.asc", 0);
+    info = terrain_info(terrain);
+    double degree_m =
+        HEIGHTFIELD_EARTH_RADIUS_M * M_PI / 180; // the middle of two rows from 59 on is at 60: half as wide
+    assert_true(fabs(info->spacing_m[1] - degree_m) <= 1e-9 * degree_m);
+    assert_true(fabs(info->spacing_m[0] - degree_m / 2) <= 1e-9 * degree_m);
+    assert_true(height_at(terrain, 1, 0) == 2 && height_at(terrain, 0, 1) == 3);
+    terrain_destroy(terrain);
+
+    write_text("cut.asc", "ncols 300\nnrows 200\nxllcorner 0\nyllcorner 0\ncellsize 1\n1 2 3\n");
+    refused("cut.asc", "cut.asc", "raster that GDAL reads");
+    write_text("words.asc", "not a raster\n");
+    refused("words.asc", "words.asc", "raster that GDAL reads");
+#else
+    printf("skipped: built without GDAL\n");
+#endif
+}
+
 static void generated_and_imported(void **state)
 {
     (void)state;
@@ -520,6 +558,7 @@ int main(void)
         cmocka_unit_test(png_with_sidecar),
         cmocka_unit_test(srtm_tiles),
         cmocka_unit_test(raw_files),
+        cmocka_unit_test(gdal_rasters),
         cmocka_unit_test(generated_and_imported),
         cmocka_unit_test(packing_rounds_what_16_bits_do_not_hold),
         cmocka_unit_test(data_sets),
