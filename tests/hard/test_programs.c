@@ -4,15 +4,13 @@
 #define _GNU_SOURCE
 #include "common/image.h"
 #include "common/report.h"
-#include "tests/test.h"
+#include "tests/folder.h"
 
 #include <cjson/cJSON.h>
 #include <signal.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
-
-static char folder[] = "/tmp/relief-test-XXXXXX";
 
 // ---- running a program -----------------------------------------------------
 
@@ -132,21 +130,12 @@ static double hills(int i, int j)
 
 static int set_up(void **state)
 {
-    (void)state;
-    if (!mkdtemp(folder)) return -1;
+    if (folder_create(state) != 0) return -1;
     write_terrain("flat0", flat_0, 0.1, 0);
     write_terrain("flat1000", flat_1000, 0.1, 0);
     write_terrain("flat8848", flat_8848, 0.01, 8500);
     write_terrain("hills", hills, 0.1, 0);
     return 0;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    char command[256];
-    snprintf(command, sizeof command, "rm -rf %s", folder);
-    return system(command) ? -1 : 0;
 }
 
 // ---- bad input -------------------------------------------------------------
@@ -452,5 +441,5 @@ int main(void)
         cmocka_unit_test(test_default_flight),
         cmocka_unit_test(test_puget_flights),
     };
-    return cmocka_run_group_tests(tests, set_up, tear_down);
+    return cmocka_run_group_tests(tests, set_up, folder_remove);
 }

@@ -1,6 +1,6 @@
 // PNG files: round trips, whole or absent, one line when they cannot be read or written.
 // SPDX-License-Identifier: MIT
-#include "tests/test.h"
+#include "tests/folder.h"
 
 #include "common/image.h"
 
@@ -8,14 +8,6 @@
 #include <png.h>
 #include <string.h>
 #include <sys/stat.h>
-
-static char folder[64], path[160];
-
-static const char *in_folder(const char *name)
-{
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    return path;
-}
 
 static int files(void)
 {
@@ -36,11 +28,11 @@ static void grey16_round_trips(void **state)
         uint16_t *samples = malloc((size_t)(width * height) * sizeof *samples), *back;
         for (int i = 0; i < width * height; i++) samples[i] = (uint16_t)test_random(&random);
         assert_true(image_write_grey16(in_folder("grey.png"), width, height, samples));
-        assert_true(image_read_grey16(path, NULL, 0, &read_width, &read_height, &back));
+        assert_true(image_read_grey16(in_folder("grey.png"), NULL, 0, &read_width, &read_height, &back));
         assert_true(read_width == width && read_height == height);
         assert_memory_equal(samples, back, (size_t)(width * height) * sizeof *samples);
         free(back);
-        FILE *file = fopen(path, "rb"); // and from memory
+        FILE *file = fopen(in_folder("grey.png"), "rb"); // and from memory
         static unsigned char data[1 << 18];
         size_t size = fread(data, 1, sizeof data, file);
         fclose(file);
@@ -62,7 +54,7 @@ static void pictures_stand_upright(void **state)
         for (int i = 0; i < 3 * 2 * channels; i++) pixels[i] = (uint8_t)(i * 7 + 1);
         assert_true(image_write_png(in_folder("colour.png"), 3, 2, channels, pixels));
         png_image image = {.version = PNG_IMAGE_VERSION};
-        assert_true(png_image_begin_read_from_file(&image, path));
+        assert_true(png_image_begin_read_from_file(&image, in_folder("colour.png")));
         assert_true(image.width == 3 && image.height == 2);
         assert_int_equal(image.format, channels == 3 ? PNG_FORMAT_RGB : PNG_FORMAT_RGBA);
         uint8_t back[3 * 2 * 4];
@@ -83,25 +75,10 @@ static void failures_leave_nothing(void **state)
     assert_false(image_write_png(in_folder("nowhere/x.png"), 1, 1, 3, pixel));
     assert_false(image_write_png(in_folder("none.png"), 0, 1, 3, pixel));
     assert_int_equal(mkdir(in_folder("folder.png"), 0700), 0);
-    assert_false(image_write_grey16(path, 1, 1, &sample)); // a folder of that name
+    assert_false(image_write_grey16(in_folder("folder.png"), 1, 1, &sample)); // a folder of that name
     assert_int_equal(files(), before + 1);
     assert_false(image_read_grey16(in_folder("missing.png"), NULL, 0, &width, &height, &back));
     assert_false(image_read_grey16(in_folder("folder.png"), NULL, 0, &width, &height, &back));
-}
-
-static int set_up(void **state)
-{
-    (void)state;
-    snprintf(folder, sizeof folder, "/tmp/relief-test-XXXXXX");
-    return mkdtemp(folder) ? 0 : -1;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    char command[128];
-    snprintf(command, sizeof command, "rm -r '%s'", folder);
-    return system(command);
 }
 
 int main(void)
@@ -111,5 +88,5 @@ int main(void)
         cmocka_unit_test(pictures_stand_upright),
         cmocka_unit_test(failures_leave_nothing),
     };
-    return cmocka_run_group_tests(tests, set_up, tear_down);
+    return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }

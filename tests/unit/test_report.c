@@ -5,7 +5,7 @@
 #include "bench/report.h"
 #include "bench/statistics.h"
 #include "common/image.h"
-#include "tests/test.h"
+#include "tests/folder.h"
 
 #include <cjson/cJSON.h>
 #include <ctype.h>
@@ -271,15 +271,6 @@ static cJSON *make_results(void)
 
 // ---- the folder ----------------------------------------------------------------------------------
 
-static char folder[1024];
-
-static const char *in_folder(const char *name)
-{
-    static char path[1200];
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    return path;
-}
-
 static void write_file(const char *name, const char *content)
 {
     FILE *file = fopen(in_folder(name), "wb");
@@ -361,18 +352,8 @@ static void clear_folder(const char *path)
 
 static int setup(void **state)
 {
-    (void)state;
-    const char *build = getenv("RELIEF_BUILD");
-    snprintf(folder, sizeof folder, "%s/test_report.XXXXXX", build ? build : "/tmp");
-    if (!mkdtemp(folder)) return -1;
+    if (folder_create(state) != 0) return -1;
     return mkdir(in_folder("frames"), 0777) | mkdir(in_folder("pictures"), 0777);
-}
-
-static int teardown(void **state)
-{
-    (void)state;
-    clear_folder(folder);
-    return rmdir(folder);
 }
 
 static char *read_page(const char *name)
@@ -892,7 +873,7 @@ static void broken_input_is_one_line_and_no_page(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-#define CASE(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
+#define CASE(name) cmocka_unit_test_setup_teardown(name, setup, folder_remove)
         CASE(page_is_whole_and_self_contained),
         CASE(figures_are_valid_and_ids_do_not_clash),
         CASE(verdict_names_the_faster),

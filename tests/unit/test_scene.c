@@ -2,20 +2,16 @@
 // SPDX-License-Identifier: MIT
 #include "common/scene/scene.h"
 
-#include "tests/test.h"
+#include "tests/folder.h"
 
 #include <errno.h>
 #include <glob.h>
 #include <string.h>
 #include <sys/stat.h>
 
-static char folder[64];
-
 static void write_text(const char *name, const char *text)
 {
-    char path[256];
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    FILE *file = fopen(path, "w");
+    FILE *file = fopen(in_folder(name), "w");
     assert_non_null(file);
     fputs(text, file);
     fclose(file);
@@ -24,8 +20,7 @@ static void write_text(const char *name, const char *text)
 // Loads a scene with that text; what is said on stderr lands in said[].
 static struct scene *load(const char *text, const char *terrain_file, char said[2048])
 {
-    char path[256];
-    snprintf(path, sizeof path, "%s/scene.json", folder);
+    const char *path = in_folder("scene.json");
     if (text) write_text("scene.json", text);
     fflush(stderr);
     int saved = dup(2);
@@ -39,25 +34,6 @@ static struct scene *load(const char *text, const char *terrain_file, char said[
     said[fread(said, 1, 2047, file)] = '\0';
     fclose(file);
     return scene;
-}
-
-static int make_folder(void **state)
-{
-    (void)state;
-    snprintf(folder, sizeof folder, "/tmp/relief-test-XXXXXX");
-    return mkdtemp(folder) ? 0 : -1;
-}
-
-static int drop_folder(void **state)
-{
-    (void)state;
-    const char *names[] = {"scene.json", "poses.txt", "empty.txt", "bad.txt"};
-    char path[256];
-    for (int i = 0; i < 4; i++) {
-        snprintf(path, sizeof path, "%s/%s", folder, names[i]);
-        if (unlink(path) != 0 && errno != ENOENT) return -1;
-    }
-    return rmdir(folder);
 }
 
 // FIPS 180-4 examples and the lengths where the padding turns over.
@@ -341,5 +317,5 @@ int main(void)
         cmocka_unit_test(terrain_replaces_the_scenes), cmocka_unit_test(poses_stand_where_they_say),
         cmocka_unit_test(refuses_in_one_line),         cmocka_unit_test(missing_scene_and_unreadable_scene),
     };
-    return cmocka_run_group_tests(tests, make_folder, drop_folder);
+    return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }

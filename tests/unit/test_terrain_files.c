@@ -1,6 +1,6 @@
 // Elevation files: what is read is what was written, voids are found, and a bad file is one line that names
 // it. SPDX-License-Identifier: MIT
-#include "tests/test.h"
+#include "tests/folder.h"
 
 #include "common/image.h"
 #include "common/terrain/generate.h"
@@ -12,17 +12,6 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
-
-static char folder[64];
-
-static const char *in_folder(const char *name)
-{
-    static char paths[4][160];
-    static int next;
-    char *path = paths[next++ % 4];
-    snprintf(path, sizeof paths[0], "%s/%s", folder, name);
-    return path;
-}
 
 static void write_bytes(const char *name, const void *data, size_t size)
 {
@@ -537,21 +526,6 @@ static void program_does_what_help_says(void **state)
     }
 }
 
-static int set_up(void **state)
-{
-    (void)state;
-    snprintf(folder, sizeof folder, "/tmp/relief-test-XXXXXX");
-    return mkdtemp(folder) ? 0 : -1;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    char command[128];
-    snprintf(command, sizeof command, "rm -r '%s'", folder);
-    return system(command);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -568,5 +542,5 @@ int main(void)
         cmocka_unit_test(mutated_files),
         cmocka_unit_test(program_does_what_help_says),
     };
-    return cmocka_run_group_tests(tests, set_up, tear_down);
+    return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }
