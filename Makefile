@@ -39,7 +39,7 @@ COMMON    := $(call objects,$(call sources,common/*.c common/*/*.c)) $(OBJ)/embe
 METHODS   := $(call objects,$(call sources,$(RENDERERS:%=%/*.c)))
 BENCH     := $(call objects,$(call sources,bench/*.c))
 PROGRAMS  := $(patsubst %/main.c,%,$(MAINS:common/%=%))
-TESTS     := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/unit/test_*.c tests/gpu/test_*.c tests/hard/test_*.c))
+TESTS     := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/hard/test_*.c tests/gpu/test_*.c tests/unit/test_*.c)) # long ones first
 HEADERS   := $(wildcard common/*.h common/*/*.h $(RENDERERS:%=%/*.h) bench/*.h tests/*.h)
 ALL_C     := $(wildcard common/*.c common/*/*.c $(RENDERERS:%=%/*.c) bench/*.c tests/*/*.c) $(HEADERS)
 
