@@ -116,6 +116,12 @@ struct gpu_target {
     GLenum colour_format; // GL_RGBA8, GL_RGBA32F, or 0 for depth only
 };
 bool gpu_target_init(struct gpu *gpu, struct gpu_target *target, int width, int height, GLenum colour_format);
+// The same with several samples a pixel, at most GL_MAX_SAMPLES: to be resolved into a plain target before it
+// is read.
+bool gpu_target_init_multisampled(struct gpu *gpu, struct gpu_target *target, int width, int height,
+                                  GLenum colour_format, int samples);
+// Averages the samples of each pixel's colour into a target of the same size and format.
+void gpu_target_resolve(struct gpu *gpu, const struct gpu_target *from, const struct gpu_target *to);
 void gpu_target_finish(struct gpu_target *target);
 // Binds, sets viewport and depth state, clears colour (sky for RGBA8, 0 for RGBA32F) and depth.
 void gpu_target_begin(struct gpu *gpu, const struct gpu_target *target);

@@ -2,28 +2,40 @@
 #include "common/gl/context.h"
 #include "common/report.h"
 
-static GLuint attach_buffer(GLenum attachment, GLenum format, int width, int height)
+// samples 0: one a pixel.
+static GLuint attach_buffer(GLenum attachment, GLenum format, int width, int height, int samples)
 {
     GLuint buffer;
     glGenRenderbuffers(1, &buffer);
     glBindRenderbuffer(GL_RENDERBUFFER, buffer);
-    glRenderbufferStorage(GL_RENDERBUFFER, format, width, height);
+    glRenderbufferStorageMultisample(GL_RENDERBUFFER, samples, format, width, height);
     glFramebufferRenderbuffer(GL_FRAMEBUFFER, attachment, GL_RENDERBUFFER, buffer);
     return buffer;
 }
 
 bool gpu_target_init(struct gpu *gpu, struct gpu_target *target, int width, int height, GLenum colour_format)
 {
+    return gpu_target_init_multisampled(gpu, target, width, height, colour_format, 0);
+}
+
+bool gpu_target_init_multisampled(struct gpu *gpu, struct gpu_target *target, int width, int height,
+                                  GLenum colour_format, int samples)
+{
     *target = (struct gpu_target){.width = width, .height = height, .colour_format = colour_format};
-    int limit;
+    int limit, most_samples;
     glGetIntegerv(GL_MAX_RENDERBUFFER_SIZE, &limit);
+    glGetIntegerv(GL_MAX_SAMPLES, &most_samples);
     if (width < 1 || height < 1 || width > limit || height > limit)
         return fail("a picture of %dx%d: %s draws 1x1 to %dx%d", width, height, gpu->info.renderer, limit,
                     limit);
+    if (samples > most_samples)
+        return fail("a picture of %d samples a pixel: %s draws at most %d", samples, gpu->info.renderer,
+                    most_samples);
     glGenFramebuffers(1, &target->framebuffer);
     glBindFramebuffer(GL_FRAMEBUFFER, target->framebuffer);
-    if (colour_format) target->colour = attach_buffer(GL_COLOR_ATTACHMENT0, colour_format, width, height);
-    target->depth = attach_buffer(GL_DEPTH_ATTACHMENT, GL_DEPTH_COMPONENT32F, width, height);
+    if (colour_format)
+        target->colour = attach_buffer(GL_COLOR_ATTACHMENT0, colour_format, width, height, samples);
+    target->depth = attach_buffer(GL_DEPTH_ATTACHMENT, GL_DEPTH_COMPONENT32F, width, height, samples);
     glDrawBuffer(colour_format ? GL_COLOR_ATTACHMENT0 : GL_NONE);
     glReadBuffer(colour_format ? GL_COLOR_ATTACHMENT0 : GL_NONE);
     GLenum status = glCheckFramebufferStatus(GL_FRAMEBUFFER);
@@ -39,6 +51,15 @@ void gpu_target_finish(struct gpu_target *target)
     if (target->colour) glDeleteRenderbuffers(1, &target->colour);
     if (target->depth) glDeleteRenderbuffers(1, &target->depth);
     *target = (struct gpu_target){0};
+}
+
+void gpu_target_resolve(struct gpu *gpu, const struct gpu_target *from, const struct gpu_target *to)
+{
+    (void)gpu;
+    glBindFramebuffer(GL_READ_FRAMEBUFFER, from->framebuffer);
+    glBindFramebuffer(GL_DRAW_FRAMEBUFFER, to->framebuffer);
+    glBlitFramebuffer(0, 0, from->width, from->height, 0, 0, to->width, to->height, GL_COLOR_BUFFER_BIT,
+                      GL_NEAREST);
 }
 
 void gpu_target_begin(struct gpu *gpu, const struct gpu_target *target)
