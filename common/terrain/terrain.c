@@ -188,7 +188,8 @@ struct terrain_level terrain_level(const struct terrain *terrain, int level)
         .min_q = l->min_q,
         .max_q = l->max_q,
         .rms_error_m = l->rms_error_q * terrain->info.quantum_m,
-        .max_error_m = l->max_error_q * terrain->info.quantum_m};
+        .max_error_m = l->max_error_q * terrain->info.quantum_m,
+        .noise_q = l->sigma_q};
 }
 
 static int64_t clamp(int64_t value, int64_t low, int64_t high)

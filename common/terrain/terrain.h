@@ -56,6 +56,7 @@ struct terrain_level {
     int32_t min_q, max_q;
     double rms_error_m,
         max_error_m; // PL(this level) - PL(finest level) at the finest samples; 0 at the finest
+    double noise_q;  // standard deviation of the noise of a synthesised level, quanta; 0 for the others
 };
 
 // What to make of a source.  A zeroed struct gives the defaults.
