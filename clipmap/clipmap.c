@@ -8,7 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { KNOB_N, KNOB_TRANSITION, KNOB_ALPHA, KNOB_STITCH, KNOB_FADE, KNOB_CULL, KNOB_FACES };
+enum { KNOB_N, KNOB_TRANSITION, KNOB_ALPHA, KNOB_STITCH, KNOB_FADE, KNOB_CULL, KNOB_FACES, KNOB_REFILL };
 
 enum { N_MIN = 15, N_MAX = 1023 };
 
@@ -25,6 +25,8 @@ static const struct renderer_knob knobs[] = {
     {"faces",
      "triangles drawn: both sides of the surface, or only those that face the eye (may drop a pixel)", 0, 0,
      1, "both|front"},
+    {"refill", "samples read each frame: those that the motion exposes, or every level whole (to compare)", 0,
+     0, 1, "exposed|whole"},
     {NULL, NULL, 0, 0, 0, NULL},
 };
 
@@ -56,6 +58,7 @@ struct clipmap {
     struct clipmap_shape shape;
     struct clipmap_choice choice;
     bool front_only; // back faces are culled
+    bool rebuild;    // every level is read whole each frame
     struct clipmap_mesh mesh;
     struct clipmap_scratch scratch;
     struct clipmap_view views[RENDERER_MAX_VIEWS]; // each is made when it is first used
@@ -153,6 +156,7 @@ static void update_view(struct clipmap *c, struct clipmap_view *own, const struc
         own->eyes[k] = view_level_origin(view, finest + k);
         struct clipmap_box desired = clipmap_desired(&c->shape, k, &own->eyes[k], height_m);
         struct layer layer = {c->gpu, k};
+        if (c->rebuild) own->stores[k].clip = clipmap_empty;
         own->samples_updated +=
             clipmap_store_move(&own->stores[k], &desired, &c->scratch, write_layer, &layer);
         clips[k] = own->stores[k].clip;
@@ -305,6 +309,7 @@ static bool set_shape(struct clipmap *c, const double *values)
     c->choice = (struct clipmap_choice){.cull = values[KNOB_CULL] != 0,
                                         .stitch = (enum clipmap_stitch)values[KNOB_STITCH]};
     c->front_only = values[KNOB_FACES] != 0;
+    c->rebuild = values[KNOB_REFILL] != 0;
     const struct terrain_info *info = terrain_info(c->terrain);
     struct terrain_level finest = terrain_level(c->terrain, info->finest);
     clipmap_shape_init(&c->shape, &rules, info->coarsest - info->finest + 1, &finest.extent,

@@ -51,33 +51,49 @@ static float surface_between(const int32_t *c, int stride, int odd_x, int odd_y)
     return (float)(c[0] + c[odd_y * stride + odd_x]) * 0.5f;
 }
 
-void clipmap_store_read(const struct clipmap_store *store, const struct clipmap_box *box,
-                        const struct clipmap_scratch *scratch)
+void clipmap_pair(const struct clipmap_box *box, bool morphs, const struct clipmap_scratch *scratch)
 {
     int width = (int)(box->hi[0] - box->lo[0] + 1), height = (int)(box->hi[1] - box->lo[1] + 1);
-    terrain_window(store->terrain, store->level, box->lo[0], box->lo[1], width, height, scratch->fine,
-                   TERRAIN_WAIT);
-    int64_t first[2], end[2];
-    for (int axis = 0; axis < 2; axis++) {
-        first[axis] = clipmap_floor_div(box->lo[axis], 2);
-        end[axis] = clipmap_floor_div(box->hi[axis] + 1, 2) + 1;
-    }
-    int stride = (int)(end[0] - first[0]);
-    if (store->morphs)
-        terrain_window(store->terrain, store->level + 1, first[0], first[1], stride, (int)(end[1] - first[1]),
-                       scratch->coarse, TERRAIN_WAIT);
-    int odd_x0 = (int)(box->lo[0] - 2 * first[0]), odd_y0 = (int)(box->lo[1] - 2 * first[1]);
+    struct clipmap_box under = clipmap_under(box);
+    int stride = (int)(under.hi[0] - under.lo[0] + 1);
+    int odd_x0 = (int)(box->lo[0] - 2 * under.lo[0]), odd_y0 = (int)(box->lo[1] - 2 * under.lo[1]);
     for (int y = 0; y < height; y++) {
         const int32_t *fine = scratch->fine + (size_t)y * (size_t)width;
         const int32_t *coarse = scratch->coarse + (size_t)((y + odd_y0) / 2) * (size_t)stride;
         float(*out)[2] = scratch->pairs + (size_t)y * (size_t)width;
         for (int x = 0; x < width; x++) {
             out[x][0] = (float)fine[x];
-            out[x][1] = store->morphs ? surface_between(coarse + (x + odd_x0) / 2, stride, (x + odd_x0) & 1,
-                                                        (y + odd_y0) & 1)
-                                      : out[x][0];
+            out[x][1] = morphs ? surface_between(coarse + (x + odd_x0) / 2, stride, (x + odd_x0) & 1,
+                                                 (y + odd_y0) & 1)
+                               : out[x][0];
         }
     }
+}
+
+struct clipmap_box clipmap_under(const struct clipmap_box *box)
+{
+    struct clipmap_box under;
+    for (int axis = 0; axis < 2; axis++) {
+        under.lo[axis] = clipmap_floor_div(box->lo[axis], 2);
+        under.hi[axis] = clipmap_floor_div(box->hi[axis] + 1, 2);
+    }
+    return under;
+}
+
+static void read_window(const struct clipmap_store *store, int level, const struct clipmap_box *box,
+                        int32_t *out)
+{
+    terrain_window(store->terrain, level, box->lo[0], box->lo[1], (int)(box->hi[0] - box->lo[0] + 1),
+                   (int)(box->hi[1] - box->lo[1] + 1), out, TERRAIN_WAIT);
+}
+
+void clipmap_store_read(const struct clipmap_store *store, const struct clipmap_box *box,
+                        const struct clipmap_scratch *scratch)
+{
+    struct clipmap_box under = clipmap_under(box);
+    read_window(store, store->level, box, scratch->fine);
+    if (store->morphs) read_window(store, store->level + 1, &under, scratch->coarse);
+    clipmap_pair(box, store->morphs, scratch);
 }
 
 static void widen(struct clipmap_range *range, struct clipmap_range other)
