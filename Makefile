@@ -104,6 +104,10 @@ bench: | $(filter deps,$(MAKECMDGOALS)) ## the main job: fly the default scene t
 	$(MAKE) --no-print-directory $(BUILD)/bench
 	$(BUILD)/bench run --out reports/default
 
+papers: | $(filter deps,$(MAKECMDGOALS)) ## tables of the papers, measured again; leave reports/papers/papers.html
+	$(MAKE) --no-print-directory $(BUILD)/bench
+	$(BUILD)/bench papers --out reports/papers
+
 test: | $(filter deps,$(MAKECMDGOALS)) ## every test at its everyday size
 	$(MAKE) --no-print-directory run-tests
 
@@ -150,4 +154,4 @@ clean: ## remove what was built
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
-.PHONY: all deps bench test soak run-tests check format format-check lint layers headers report install clean help
+.PHONY: all deps bench papers test soak run-tests check format format-check lint layers headers report install clean help

@@ -105,16 +105,22 @@ static void add_size(const cJSON *root, struct text *page)
     text_add(page, " \u00b7 %.0f\u00a0\u00d7\u00a0%.0f pixels", width, height);
 }
 
+void page_head(struct text *page, const char *title)
+{
+    text_add(page, "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
+                   "<meta name=\"viewport\" content=\"width=device-width,initial-scale=1\"><title>Relief: ");
+    text_add_escaped(page, title);
+    text_add(page, "</title>\n<style>\n");
+    for (size_t i = 0; i < sizeof style / sizeof style[0]; i++) text_add(page, "%s", style[i]);
+    text_add(page, "</style></head>\n<body><main>\n");
+}
+
 static void add_opening(const struct report *report, struct text *page)
 {
     const cJSON *root = report->root;
     const char *scene = json_text(root, "scene.name");
-    text_add(page, "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
-                   "<meta name=\"viewport\" content=\"width=device-width,initial-scale=1\"><title>Relief: ");
-    text_add_escaped(page, scene ? scene : "results");
-    text_add(page, "</title>\n<style>\n");
-    for (size_t i = 0; i < sizeof style / sizeof style[0]; i++) text_add(page, "%s", style[i]);
-    text_add(page, "</style></head>\n<body><main>\n<header><p class=\"eyebrow\">Relief");
+    page_head(page, scene ? scene : "results");
+    text_add(page, "<header><p class=\"eyebrow\">Relief");
     add_fact(page, " \u00b7 scene <b>", scene, "</b>");
     add_figure_fact(page, " \u00b7 ", json_number(root, "scene.samples"), " samples");
     add_size(root, page);
@@ -289,7 +295,7 @@ static void add_scene(const cJSON *root, struct text *page)
     text_add(page, "</dd>");
 }
 
-static void add_machine(const cJSON *root, struct text *page)
+void page_machine(const cJSON *root, struct text *page)
 {
     add_term(page, "Machine");
     text_add_escaped(page, json_text(root, "machine.cpu"));
@@ -381,7 +387,7 @@ void report_page(const struct report *report, const struct report_figures *figur
     add_body(report, figures, page);
     text_add(page, "<section id=\"method\"><h2>Method and machine</h2>\n<dl>");
     add_scene(report->root, page);
-    add_machine(report->root, page);
+    page_machine(report->root, page);
     add_method(report->root, page);
     text_add(page, "</dl>\n");
     add_reproduction(report->root, page);

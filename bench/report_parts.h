@@ -146,6 +146,11 @@ void report_missing(const struct report *report, struct text *page); // every nu
 void report_pictures(const struct report *report, struct text *page);
 void report_page(const struct report *report, const struct report_figures *figures, struct text *page);
 
+// Of any page: everything up to <main>, and the terms <dt>, <dd> of machine, GL and build out of a
+// results.json.
+void page_head(struct text *page, const char *title);
+void page_machine(const cJSON *root, struct text *page);
+
 // The name of a renderer, or of a run, with its colour.
 void page_renderer(struct text *page, const struct report_renderer *renderer);
 void page_run(struct text *page, const struct report *report, const struct report_run *run);

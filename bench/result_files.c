@@ -16,6 +16,30 @@
 
 const char *const moment_names[MOMENT_COUNT] = {"start", "middle", "worst"};
 
+bool result_prepare_folder(const char *folder)
+{
+    char path[1024];
+    if (strlen(folder) > 900 || !*folder) return fail("--out: the name of a folder is expected");
+    snprintf(path, sizeof path, "%s", folder);
+    for (char *c = path + 1; *c; c++)
+        if (*c == '/') {
+            *c = 0;
+            mkdir(path, 0777); // what matters is whether the last one can be written
+            *c = '/';
+        }
+    if (mkdir(path, 0777) != 0 && errno != EEXIST)
+        return fail("--out %s: cannot be made (%s); a folder that can be written is expected", folder,
+                    strerror(errno));
+    snprintf(path, sizeof path, "%s/results.json.part", folder);
+    FILE *probe = fopen(path, "wb");
+    if (!probe)
+        return fail("--out %s: cannot be written (%s); a folder that can be written is expected", folder,
+                    strerror(errno));
+    fclose(probe);
+    unlink(path);
+    return true;
+}
+
 bool result_write_text(const char *path, const char *text)
 {
     char part[1100];

@@ -425,11 +425,10 @@ static void add_agreement(cJSON *root, const struct run *run)
 
 // ---- the rest of the document ------------------------------------------------------------------
 
-static void add_machine(cJSON *root, const struct run *run)
+void result_add_machine(cJSON *root, const struct gpu_info *info)
 {
     struct machine machine;
     machine_describe(&machine);
-    const struct gpu_info *info = gpu_info(run->gpu);
     const char *threads = getenv("LP_NUM_THREADS");
     cJSON *json = cJSON_AddObjectToObject(root, "machine");
     cJSON_AddStringToObject(json, "cpu", machine.cpu);
@@ -511,7 +510,7 @@ static void add_method(cJSON *root, const struct run *run)
         cJSON_AddItemToArray(order, cJSON_CreateString(run->settings[run->order[i]].id));
 }
 
-static void add_created(cJSON *root)
+void result_add_created(cJSON *root)
 {
     char text[32];
     time_t now = time(NULL);
@@ -544,9 +543,9 @@ bool write_results(struct run *run, const char *folder)
     if (!good) goto done;
     cJSON_AddNumberToObject(root, "schema", 1);
     cJSON_AddBoolToObject(root, "complete", run->complete);
-    add_created(root);
+    result_add_created(root);
     cJSON_AddStringToObject(root, "command", run->command);
-    add_machine(root, run);
+    result_add_machine(root, gpu_info(run->gpu));
     add_scene(root, run);
     add_method(root, run);
     add_agreement(root, run);

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "bench/run.h"
 #include "bench/report.h"
+#include "bench/result_files.h"
 #include "common/cli.h"
 #include "common/report.h"
 
@@ -19,31 +20,6 @@ static void on_interrupt(int signal_number)
     (void)signal_number;
     if (interrupted) _exit(EXIT_INTERRUPTED); // a second Ctrl-C does not wait
     interrupted = 1;
-}
-
-// Makes the folder and its parents; a probe file shows that it can be written before anything is measured.
-static bool prepare_folder(const char *folder)
-{
-    char path[1024];
-    if (strlen(folder) > 900 || !*folder) return fail("--out: the name of a folder is expected");
-    snprintf(path, sizeof path, "%s", folder);
-    for (char *c = path + 1; *c; c++)
-        if (*c == '/') {
-            *c = 0;
-            mkdir(path, 0777); // what matters is whether the last one can be written
-            *c = '/';
-        }
-    if (mkdir(path, 0777) != 0 && errno != EEXIST)
-        return fail("--out %s: cannot be made (%s); a folder that can be written is expected", folder,
-                    strerror(errno));
-    snprintf(path, sizeof path, "%s/results.json.part", folder);
-    FILE *probe = fopen(path, "wb");
-    if (!probe)
-        return fail("--out %s: cannot be written (%s); a folder that can be written is expected", folder,
-                    strerror(errno));
-    fclose(probe);
-    unlink(path);
-    return true;
 }
 
 static void note_command(struct run *run, int argc, char **argv)
@@ -111,7 +87,7 @@ static int fly_and_write(struct run *run)
         snprintf(default_out, sizeof default_out, "reports/%s", run->scene->name);
         run->options.out = default_out;
     }
-    if (!prepare_folder(run->options.out)) return EXIT_WORLD;
+    if (!result_prepare_folder(run->options.out)) return EXIT_WORLD;
     run->frames = options->frames > 0 ? options->frames : path_frames(run->scene->path);
     if (!open_gpu(run)) return EXIT_WORLD;
     progress_start(&run->progress);

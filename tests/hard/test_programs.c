@@ -187,6 +187,9 @@ static void test_bad_input_is_one_line(void **state)
                     "/proc/relief");
     assert_one_line(run("bench run --renderers roam --out %s/bad", f), EXIT_COMMAND_LINE, "roam");
     assert_one_line(run("bench run --renderers clipmap:n=few --out %s/bad", f), EXIT_COMMAND_LINE, "few");
+    assert_one_line(run("bench papers --only clipmap-1,clipmap-9"), EXIT_COMMAND_LINE, "clipmap-9");
+    assert_one_line(run("bench papers --repeats 0"), EXIT_COMMAND_LINE, "--repeats");
+    assert_one_line(run("bench papers --out /proc/relief"), EXIT_WORLD, "/proc/relief");
     assert_one_line(run("bench run --sweep slow --out %s/bad", f), EXIT_COMMAND_LINE, "--sweep");
     assert_one_line(run("bench run --frames 0 --out %s/bad", f), EXIT_COMMAND_LINE, "--frames");
     assert_one_line(run("bench fly"), EXIT_COMMAND_LINE, "fly");
