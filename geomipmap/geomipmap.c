@@ -10,7 +10,18 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { KNOB_TAU, KNOB_PATCH, KNOB_MERGE, KNOB_METRIC, KNOB_DELTA, KNOB_CULL, KNOB_FACES, KNOB_CACHE };
+enum {
+    KNOB_TAU,
+    KNOB_PATCH,
+    KNOB_MERGE,
+    KNOB_METRIC,
+    KNOB_DELTA,
+    KNOB_BORDERS,
+    KNOB_INDICES,
+    KNOB_CULL,
+    KNOB_FACES,
+    KNOB_CACHE
+};
 
 static const struct renderer_knob knobs[] = {
     {"tau", "screen-space error allowed, px: more is faster", 1, 0, 1e6, NULL},
@@ -22,6 +33,12 @@ static const struct renderer_knob knobs[] = {
      GEOMIPMAP_SAFE, 0, 2, "paper|depth|safe"},
     {"delta", "error of a tile: as published, or with the borders that finer neighbours ask for",
      GEOMIPMAP_STABLE, 0, 1, "published|stable"},
+    {"borders",
+     "where levels differ: add vertices, the same in five draw calls a tile, or remove vertices, which "
+     "breaks "
+     "tau (merge 0)",
+     GEOMIPMAP_ADD, 0, 2, "add|regions|remove"},
+    {"indices", "triangle lists, or strips in less memory", 0, 0, 1, "lists|strips"},
     {"cull", "draw only tiles that the frustum meets", 1, 0, 1, "off|on"},
     {"faces",
      "triangles drawn: both sides of the surface, or only those that face the eye (may drop a pixel)", 0, 0,
@@ -43,7 +60,8 @@ struct geomipmap_view { // what was selected for one view
     struct geomipmap_selection selection;
     int drawn;       // picks drawn: those seen, or all
     int room;        // draws in the lists below
-    GLsizei *counts; // one draw a tile
+    int draws;       // gathered in them
+    GLsizei *counts; // one draw a part of a tile
     size_t *first;
     GLint *base_vertex;
     GLint eye_cell[2];
@@ -144,23 +162,32 @@ static void upload_tile(struct geomipmap *g, struct geomipmap_place place, int s
     gpu_buffer_sub_data(g->gpu, GL_COPY_WRITE_BUFFER, (size_t)slot * sizeof texel, sizeof texel, &texel);
 }
 
-// Makes sure that picks from `start` are in the buffer and writes their draws to the front of the view's
-// list.  Returns the number of picks done: all, or as many as the cache takes in one batch.
+static void add_draws(const struct geomipmap *g, struct geomipmap_view *view, int set, int slot)
+{
+    struct geomipmap_part parts[GEOMIPMAP_MAX_PARTS];
+    int count = geomipmap_mesh_parts(&g->mesh, set, parts);
+    for (int i = 0; i < count; i++, view->draws++) {
+        view->counts[view->draws] = parts[i].count;
+        view->first[view->draws] = parts[i].first;
+        view->base_vertex[view->draws] = slot * g->tile_vertices;
+    }
+}
+
+// Makes sure that picks from `start` are in the buffer and fills the view's list with their draws.  Returns
+// the number of picks done: all, or as many as the cache takes in one batch.
 static int gather(struct geomipmap *g, struct geomipmap_view *view, int start)
 {
     int done = 0;
+    view->draws = 0;
     for (; start + done < view->drawn; done++) {
         const struct geomipmap_pick *pick = &view->selection.picks[start + done];
-        const struct geomipmap_set *set = &g->mesh.sets[pick->set];
         int slot;
         enum geomipmap_found found =
             geomipmap_cache_find(&g->cache, geomipmap_tiles_number(&g->tiles, pick->place), &slot);
         if (found == GEOMIPMAP_FULL) break;
         if (slot >= g->room) resize_slots(g, 2 * g->room);
         if (found == GEOMIPMAP_MISS) upload_tile(g, pick->place, slot);
-        view->counts[done] = set->count;
-        view->first[done] = set->first;
-        view->base_vertex[done] = slot * g->tile_vertices;
+        add_draws(g, view, pick->set, slot);
     }
     return done;
 }
@@ -200,6 +227,15 @@ static bool reserve_draws(struct geomipmap_view *view, int room)
     return true;
 }
 
+static uint64_t set_triangles(const struct geomipmap_mesh *mesh, int set)
+{
+    struct geomipmap_part parts[GEOMIPMAP_MAX_PARTS];
+    int count = geomipmap_mesh_parts(mesh, set, parts);
+    uint64_t triangles = 0;
+    for (int i = 0; i < count; i++) triangles += (uint64_t)geomipmap_mesh_triangles(mesh, parts[i]);
+    return triangles;
+}
+
 static bool select_view(struct geomipmap *g, struct geomipmap_view *own, const struct view *view)
 {
     struct view_origin eye = view_level_origin(view, g->tiles.finest);
@@ -212,9 +248,9 @@ static bool select_view(struct geomipmap *g, struct geomipmap_view *own, const s
     if (!geomipmap_select(selection, &g->tiles, &g->choice, view)) return false;
     own->drawn = g->choice.cull ? selection->seen : selection->count;
     own->triangles = 0;
-    for (int i = 0; i < own->drawn; i++)
-        own->triangles += (uint64_t)g->mesh.sets[selection->picks[i].set].count / 3;
-    return reserve_draws(own, selection->room);
+    for (int i = 0; i < own->drawn; i++) own->triangles += set_triangles(&g->mesh, selection->picks[i].set);
+    return reserve_draws(own,
+                         selection->room * (g->mesh.borders == GEOMIPMAP_REGIONS ? GEOMIPMAP_MAX_PARTS : 1));
 }
 
 static bool update(struct renderer *renderer, const struct view *views, int count)
@@ -243,13 +279,15 @@ static void bind(struct geomipmap *g, const struct geomipmap_view *view, enum re
     glBindTexture(GL_TEXTURE_BUFFER, g->places_texture);
 }
 
-static void draw_gathered(struct geomipmap *g, const struct geomipmap_view *view, int draws)
+static void draw_gathered(struct geomipmap *g, const struct geomipmap_view *view)
 {
-    uint64_t indices = 0;
-    for (int i = 0; i < draws; i++) indices += (uint64_t)view->counts[i];
-    if (draws > 0)
-        gpu_multi_draw_elements(g->gpu, GL_TRIANGLES, view->counts, GL_UNSIGNED_SHORT, view->first,
-                                view->base_vertex, draws, indices / 3);
+    uint64_t triangles = 0;
+    for (int i = 0; i < view->draws; i++)
+        triangles +=
+            (uint64_t)geomipmap_mesh_triangles(&g->mesh, (struct geomipmap_part){0, view->counts[i]});
+    if (view->draws > 0)
+        gpu_multi_draw_elements(g->gpu, g->mesh.strips ? GL_TRIANGLE_STRIP : GL_TRIANGLES, view->counts,
+                                GL_UNSIGNED_SHORT, view->first, view->base_vertex, view->draws, triangles);
 }
 
 static void draw(struct renderer *renderer, int view_index, enum render_pass pass)
@@ -259,12 +297,12 @@ static void draw(struct renderer *renderer, int view_index, enum render_pass pas
     if (g->front_only && pass != PASS_POSITION)
         glEnable(GL_CULL_FACE); // measuring looks for faces seen from below
     bind(g, view, pass);
-    if (!g->streamed) draw_gathered(g, view, view->drawn);
-    for (int start = 0, draws; g->streamed && start < view->drawn; start += draws) {
+    if (!g->streamed) draw_gathered(g, view);
+    for (int start = 0, done; g->streamed && start < view->drawn; start += done) {
         geomipmap_cache_begin_batch(&g->cache);
-        draws = gather(g, view, start);
+        done = gather(g, view, start);
         bind(g, view, pass); // the buffers may have moved
-        draw_gathered(g, view, draws);
+        draw_gathered(g, view);
     }
     glDisable(GL_CULL_FACE);
 }
@@ -285,7 +323,8 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
                      {"grown", (double)(now->grown - before->grown)},
                      {"shrunk", (double)(now->shrunk - before->shrunk)},
                      {"slots", g->cache.slot_count},
-                     {"height_bytes", (double)g->vertex_bytes}},
+                     {"height_bytes", (double)g->vertex_bytes},
+                     {"index_bytes", (double)(g->mesh.index_count * sizeof *g->mesh.indices)}},
     };
 }
 
@@ -369,10 +408,12 @@ static bool init(struct geomipmap *g, const struct renderer_desc *desc)
     int bits = 4 + (int)desc->knobs[KNOB_PATCH];
     g->choice = (struct geomipmap_choice){.metric = (enum geomipmap_metric)desc->knobs[KNOB_METRIC],
                                           .tau_px = desc->knobs[KNOB_TAU],
-                                          .cull = desc->knobs[KNOB_CULL] != 0};
+                                          .cull = desc->knobs[KNOB_CULL] != 0,
+                                          .borders = (enum geomipmap_borders)desc->knobs[KNOB_BORDERS]};
     g->front_only = desc->knobs[KNOB_FACES] != 0;
     int merge = (int)desc->knobs[KNOB_MERGE], most = GEOMIPMAP_MAX_EXTENT - bits;
-    if (!geomipmap_mesh_init(&g->mesh, bits) ||
+    if (g->choice.borders == GEOMIPMAP_REMOVE) merge = 0;
+    if (!geomipmap_mesh_init(&g->mesh, bits, g->choice.borders, desc->knobs[KNOB_INDICES] != 0) ||
         !geomipmap_tiles_init(&g->tiles, desc->terrain, bits, merge < most ? merge : most,
                               (enum geomipmap_delta)desc->knobs[KNOB_DELTA], 0))
         return false;

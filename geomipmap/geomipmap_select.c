@@ -46,6 +46,7 @@ struct scan { // of one view
     struct frustum frustum;
     struct geomipmap_judge judge;
     bool cull;
+    enum geomipmap_borders borders;
     double corner_m[2]; // south-west corner of the map, relative to the eye
     double tile_m[2];   // size of a tile of height 0
     double eye_tile[2]; // the eye, in tiles of height 0
@@ -141,6 +142,8 @@ static void add_pick(struct scan *scan, struct geomipmap_place place, int level,
         selection->list[scan->last].next = index;
     }
     scan->last = index;
+    // Of tiles of one size, those that are not seen ask nothing of their neighbours.
+    if (!seen && scan->tiles->merge == 0) return;
     set_cover(scan, place, (struct geomipmap_cover){(uint8_t)place.height, (uint8_t)(place.height + level)});
 }
 
@@ -267,6 +270,15 @@ static int border_step(const struct scan *scan, const struct geomipmap_pick *pic
     return side_step(scan, place, place.height + pick->level, side);
 }
 
+// The step along a side that has only the vertices of both tiles.  Both are of one size.
+static int removed_step(const struct scan *scan, const struct geomipmap_pick *pick, enum geomipmap_side side)
+{
+    struct fringe fringe = tile_fringe(scan, pick->place, side);
+    if (fringe.count == 0) return pick->level;
+    int step = cover_at(scan, &fringe, 0).step;
+    return step != GEOMIPMAP_NOTHING && step > pick->level ? step : pick->level;
+}
+
 static bool lacks_samples(const struct scan *scan, const struct geomipmap_pick *pick)
 {
     for (int side = 0; side < GEOMIPMAP_SIDES && pick->place.height > 0; side++)
@@ -325,8 +337,10 @@ static void choose_sets(struct scan *scan)
         struct geomipmap_pick *pick = &selection->list[i];
         int neighbours[GEOMIPMAP_SIDES];
         for (int side = 0; side < GEOMIPMAP_SIDES; side++)
-            neighbours[side] = border_step(scan, pick, (enum geomipmap_side)side) - pick->place.height;
-        pick->set = geomipmap_mesh_set(pick->level, neighbours);
+            neighbours[side] = scan->borders == GEOMIPMAP_REMOVE
+                                   ? removed_step(scan, pick, (enum geomipmap_side)side)
+                                   : border_step(scan, pick, (enum geomipmap_side)side) - pick->place.height;
+        pick->set = geomipmap_mesh_set(scan->tiles->bits, scan->borders, pick->level, neighbours);
         selection->picks[pick->seen ? seen++ : unseen++] = *pick;
     }
     selection->count = unseen;
@@ -343,8 +357,12 @@ static void forget(struct scan *scan)
 bool geomipmap_select(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles,
                       const struct geomipmap_choice *choice, const struct view *view)
 {
-    struct scan scan = {
-        .selection = selection, .tiles = tiles, .view = view, .cull = choice->cull, .last = NONE};
+    struct scan scan = {.selection = selection,
+                        .tiles = tiles,
+                        .view = view,
+                        .cull = choice->cull,
+                        .borders = choice->borders,
+                        .last = NONE};
     struct view_origin eye = view_level_origin(view, tiles->finest);
     const int64_t first[2] = {tiles->x0, tiles->y0};
     frustum_init(&scan.frustum, view);

@@ -8,7 +8,8 @@
 // Two tiles draw the same vertices along the border that they share: those of the finer side; where a
 // merged tile meets several smaller ones, those of the finest of all along that side.  A merged tile has
 // every 2^height-th sample; beside a tile that draws more it is split.  Tiles outside the frustum take part
-// in this, so that what is seen does not depend on culling.
+// in this, so that what is seen does not depend on culling.  Only GEOMIPMAP_REMOVE, which knows tiles of one
+// size alone (merge 0), draws the vertices of the coarser side instead.
 // SPDX-License-Identifier: MIT
 #ifndef GEOMIPMAP_GEOMIPMAP_SELECT_H
 #define GEOMIPMAP_GEOMIPMAP_SELECT_H
@@ -28,6 +29,7 @@ struct geomipmap_choice { // how to select; the same for all frames
     enum geomipmap_metric metric;
     double tau_px;
     bool cull; // leave out unseen tiles that concern no other; false: list them all
+    enum geomipmap_borders borders;
 };
 
 struct geomipmap_cover { // what covers a tile of height 0

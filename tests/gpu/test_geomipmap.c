@@ -218,9 +218,13 @@ static size_t open_edges(const struct terrain *terrain, const struct view *view,
 static void mesh_is_watertight_and_made_of_samples(void **state)
 {
     struct fixture *f = *state;
-    static const char *const settings[] = {"tau=4 cull=off", "tau=1 cull=off merge=0",
-                                           "tau=2 cull=off merge=1", "tau=2 cull=off patch=33",
-                                           "tau=4 cull=off patch=65"};
+    static const char *const settings[] = {"tau=4 cull=off",
+                                           "tau=1 cull=off merge=0",
+                                           "tau=2 cull=off merge=1",
+                                           "tau=2 cull=off patch=33",
+                                           "tau=4 cull=off patch=65",
+                                           "tau=1 cull=off borders=regions",
+                                           "tau=4 cull=off indices=strips"};
     struct terrain *terrain = test_fractal(&hills, 1);
     uint64_t seed = 2;
     size_t triangles = 0;
@@ -522,11 +526,12 @@ static void any_camera_is_drawn(void **state)
     static const double steps_aside_m[] = {0, 1e4, 1e8};
     struct terrain *terrain = test_fractal(&hills, 14);
     const struct terrain_info *info = terrain_info(terrain);
-    static const char *const settings[] = {"tau=1", "tau=4 metric=paper delta=published merge=0",
-                                           "tau=0 metric=depth cache=7 faces=front"};
+    static const char *const settings[] = {
+        "tau=1", "tau=4 metric=paper delta=published merge=0", "tau=0 metric=depth cache=7 faces=front",
+        "tau=2 borders=remove indices=strips", "tau=2 borders=regions indices=strips cache=3"};
     uint64_t seed = 15, drawn = 0;
     int cameras = 0;
-    for (int s = 0; s < 3; s++) {
+    for (int s = 0; s < 5; s++) {
         struct renderer *renderer = create(f, terrain, settings[s]);
         for (int k = 0; k < test_size(60, 600); k++, cameras++) {
             uint64_t n = test_random(&seed);

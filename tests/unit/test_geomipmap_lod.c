@@ -119,8 +119,8 @@ static struct excess check_patch(const struct geomipmap_mesh *mesh, const struct
         assert_true((double)stable[level] <= 2 * (double)published[level] * (1 + 1e-6));
         memset(seen, 0, sizeof seen);
         for (int sets = (level + 1) * (level + 1) * (level + 1) * (level + 1); sets > 0; sets--, set++) {
-            const uint16_t *index = mesh->indices + mesh->sets[set].first;
-            for (int i = 0; i < mesh->sets[set].count; i += 3) {
+            const uint16_t *index = mesh->indices + mesh->parts[set].first;
+            for (int i = 0; i < mesh->parts[set].count; i += 3) {
                 uint64_t key = 1 + ((uint64_t)index[i] << 32 | (uint64_t)index[i + 1] << 16 | index[i + 2]);
                 uint64_t *cell = &seen[key * 0x9e3779b97f4a7c15u >> 48];
                 if (*cell == key) continue;
@@ -147,7 +147,7 @@ static void stable_error_holds_for_every_border(void **state)
         int stable = 0, published = 0;
         struct geomipmap_mesh mesh;
         struct geomipmap_plan plan;
-        assert_true(geomipmap_mesh_init(&mesh, bits));
+        assert_true(geomipmap_mesh_init(&mesh, bits, GEOMIPMAP_ADD, false));
         assert_true(geomipmap_plan_init(&plan, bits, height));
         for (int patch = 0; patch < patches; patch++) {
             int32_t heights[MAX_ROW * MAX_ROW];

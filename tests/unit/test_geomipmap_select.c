@@ -64,10 +64,16 @@ struct scene {
 static struct scene make_scene(uint64_t seed, int merge, double height_m)
 {
     struct scene s = {.terrain = make_fractal(seed, height_m)};
-    assert_true(geomipmap_mesh_init(&s.mesh, 4));
+    assert_true(geomipmap_mesh_init(&s.mesh, 4, GEOMIPMAP_ADD, false));
     assert_true(geomipmap_tiles_init(&s.tiles, s.terrain, 4, merge, GEOMIPMAP_STABLE, 1));
     assert_true(geomipmap_selection_init(&s.selection, &s.tiles));
     return s;
+}
+
+static void use_borders(struct scene *s, enum geomipmap_borders borders)
+{
+    geomipmap_mesh_finish(&s->mesh);
+    assert_true(geomipmap_mesh_init(&s->mesh, 4, borders, false));
 }
 
 static void finish_scene(struct scene *s)
@@ -104,7 +110,7 @@ static void nothing_visible_is_missing(void **state)
     int32_t heights[17 * 17];
     for (int merge = 0; merge <= 3; merge++) {
         struct scene s = make_scene(1, merge, 1500);
-        const struct geomipmap_choice choice = {GEOMIPMAP_SAFE, 1, true};
+        const struct geomipmap_choice choice = {.metric = GEOMIPMAP_SAFE, .tau_px = 1, .cull = true};
         for (int k = 0; k < test_size(60, 600); k++) {
             struct view view = random_view(s.terrain, &seed);
             assert_true(geomipmap_select(&s.selection, &s.tiles, &choice, &view));
@@ -136,7 +142,7 @@ static void nothing_visible_is_missing(void **state)
 // those beyond.
 static void mark_borders(const struct scene *s, const struct geomipmap_pick *pick, uint8_t *marks, int row)
 {
-    const struct geomipmap_set *set = &s->mesh.sets[pick->set];
+    const struct geomipmap_part *set = &s->mesh.parts[pick->set];
     int cells = 1 << s->tiles.bits, step = 1 << pick->place.height;
     int x0 = pick->place.column * cells * step, y0 = pick->place.row * cells * step;
     for (int i = 0; i < set->count; i++) {
@@ -154,19 +160,25 @@ static void drawn_neighbours_agree_on_their_border(void **state)
     (void)state;
     static int pick_of[MAX_TILES];
     uint64_t seed = 5, vertices = 0, merged = 0, picks = 0;
-    for (int merge = 0; merge <= 3; merge++) {
-        struct scene s = make_scene(3, merge, 500);
+    for (int merge = -1; merge <= 3; merge++) { // -1: removing, of what is seen
+        struct scene s = make_scene(3, merge < 0 ? 0 : merge, 500);
+        enum geomipmap_borders borders = merge < 0 ? GEOMIPMAP_REMOVE : GEOMIPMAP_ADD;
+        if (merge < 0) use_borders(&s, borders);
         const struct geomipmap_grid *grid = &s.tiles.grid[0];
         int row = (grid->columns + 8) * 16 + 1, rows = (grid->rows + 8) * 16 + 1;
         uint8_t *marks = malloc((size_t)row * (size_t)rows);
         assert_non_null(marks);
         for (int k = 0; k < test_size(60, 600); k++) {
             struct view view = random_view(s.terrain, &seed);
-            const struct geomipmap_choice choice = {GEOMIPMAP_SAFE, 0.5 * (1 << k % 5), k % 2 == 0};
+            const struct geomipmap_choice choice = {.metric = GEOMIPMAP_SAFE,
+                                                    .tau_px = 0.5 * (1 << k % 5),
+                                                    .cull = k % 2 == 0,
+                                                    .borders = borders};
             assert_true(geomipmap_select(&s.selection, &s.tiles, &choice, &view));
             memset(marks, 0, (size_t)row * (size_t)rows);
-            index_picks(&s, s.selection.count, pick_of);
-            for (int i = 0; i < s.selection.count; i++) {
+            int count = merge < 0 ? s.selection.seen : s.selection.count;
+            index_picks(&s, count, pick_of);
+            for (int i = 0; i < count; i++) {
                 mark_borders(&s, &s.selection.picks[i], marks, row);
                 merged += s.selection.picks[i].place.height > 0;
                 picks++;
@@ -207,8 +219,8 @@ static void culling_changes_nothing_that_is_seen(void **state)
         struct scene on = make_scene(9, merge, 1500), off = make_scene(9, merge, 1500);
         for (int k = 0; k < 40; k++) {
             struct view view = random_view(on.terrain, &seed);
-            const struct geomipmap_choice culled = {GEOMIPMAP_SAFE, 1, true},
-                                          all = {GEOMIPMAP_SAFE, 1, false};
+            const struct geomipmap_choice culled = {.metric = GEOMIPMAP_SAFE, .tau_px = 1, .cull = true},
+                                          all = {.metric = GEOMIPMAP_SAFE, .tau_px = 1, .cull = false};
             assert_true(geomipmap_select(&on.selection, &on.tiles, &culled, &view));
             assert_true(geomipmap_select(&off.selection, &off.tiles, &all, &view));
             assert_int_equal(on.selection.seen, off.selection.seen);
@@ -237,7 +249,7 @@ static void tiles_come_front_to_back(void **state)
     for (int merge = 0; merge <= 3; merge++) {
         struct scene s = make_scene(4, merge, 1500);
         int columns = s.tiles.grid[0].columns, rows = s.tiles.grid[0].rows;
-        const struct geomipmap_choice choice = {GEOMIPMAP_SAFE, 2, true};
+        const struct geomipmap_choice choice = {.metric = GEOMIPMAP_SAFE, .tau_px = 2, .cull = true};
         for (int k = 0; k < 30; k++) {
             struct view view = random_view(s.terrain, &seed);
             assert_true(geomipmap_select(&s.selection, &s.tiles, &choice, &view));
@@ -303,7 +315,7 @@ static double worst_error(const struct scene *s, const struct view *view)
     double worst = 0;
     for (int k = 0; k < s->selection.seen; k++) {
         const struct geomipmap_pick *pick = &s->selection.picks[k];
-        const struct geomipmap_set *set = &s->mesh.sets[pick->set];
+        const struct geomipmap_part *set = &s->mesh.parts[pick->set];
         int vertices = (1 << s->tiles.bits) + 1, step = 1 << pick->place.height;
         int64_t size = (int64_t)(vertices - 1) * step;
         terrain_window(s->terrain, s->tiles.finest, s->tiles.x0 + pick->place.column * size,
@@ -331,8 +343,8 @@ static void safe_claim_holds_and_paper_breaks(void **state)
             double tightness = 0, most = 0;
             int broken = 0;
             for (int k = 0; k < views; k++) {
-                const struct geomipmap_choice choice = {(enum geomipmap_metric)metric, 0.25 * (1 << k % 6),
-                                                        true};
+                const struct geomipmap_choice choice = {
+                    .metric = (enum geomipmap_metric)metric, .tau_px = 0.25 * (1 << k % 6), .cull = true};
                 struct view view = random_view(s.terrain, &seed);
                 assert_true(geomipmap_select(&s.selection, &s.tiles, &choice, &view));
                 double share = worst_error(&s, &view) / choice.tau_px;
@@ -340,7 +352,7 @@ static void safe_claim_holds_and_paper_breaks(void **state)
                 tightness += share / views;
                 most = fmax(most, share);
                 for (int i = 0; i < s.selection.seen; i++)
-                    triangles += (uint64_t)s.mesh.sets[s.selection.picks[i].set].count / 3;
+                    triangles += (uint64_t)s.mesh.parts[s.selection.picks[i].set].count / 3;
             }
             FIGURE("merge %d, metric %s: claim broken in %d of %d views, worst error %.2f of tau on average, "
                    "at most "
@@ -357,7 +369,7 @@ static void same_view_same_selection(void **state)
 {
     (void)state;
     struct scene fresh = make_scene(8, 2, 1500), used = make_scene(8, 2, 1500);
-    const struct geomipmap_choice choice = {GEOMIPMAP_SAFE, 1, true};
+    const struct geomipmap_choice choice = {.metric = GEOMIPMAP_SAFE, .tau_px = 1, .cull = true};
     uint64_t seed = 13;
     struct view view = random_view(fresh.terrain, &seed);
     assert_true(geomipmap_select(&fresh.selection, &fresh.tiles, &choice, &view));
