@@ -31,7 +31,7 @@ static const struct renderer_knob knobs[] = {
 };
 
 static const double quick_n[] = {63, 127, 255, 511, NAN};
-static const double full_n[] = {15, 31, 47, 63, 95, 127, 191, 255, 383, 511, NAN};
+static const double full_n[] = {47, 63, 95, 127, 191, 255, 383, 511, NAN};
 
 enum { HEIGHTS_UNIT = 0 };
 

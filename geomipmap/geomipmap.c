@@ -48,7 +48,7 @@ static const struct renderer_knob knobs[] = {
 };
 
 static const double quick_tau[] = {8, 4, 2, 1, 0.5, NAN};
-static const double full_tau[] = {16, 8, 4, 2, 1, 0.5, 0.25, 0.125, NAN};
+static const double full_tau[] = {8, 4, 2, 1, 0.5, 0.25, 0.125, NAN};
 
 enum { FIRST_ROOM = 64, PLACES_UNIT = 0 };
 
