@@ -8,7 +8,17 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { KNOB_N, KNOB_TRANSITION, KNOB_ALPHA, KNOB_STITCH, KNOB_FADE, KNOB_CULL, KNOB_FACES, KNOB_REFILL };
+enum {
+    KNOB_N,
+    KNOB_TRANSITION,
+    KNOB_ALPHA,
+    KNOB_STITCH,
+    KNOB_FADE,
+    KNOB_CULL,
+    KNOB_FACES,
+    KNOB_REFILL,
+    KNOB_BUDGET
+};
 
 enum { N_MIN = 15, N_MAX = 1023 };
 
@@ -27,6 +37,9 @@ static const struct renderer_knob knobs[] = {
      1, "both|front"},
     {"refill", "samples read each frame: those that the motion exposes, or every level whole (to compare)", 0,
      0, 1, "exposed|whole"},
+    {"budget",
+     "samples read a frame, coarse levels first; levels that it does not reach are cropped (0: no limit)", 0,
+     0, 1e9, NULL},
     {NULL, NULL, 0, 0, 0, NULL},
 };
 
@@ -43,7 +56,9 @@ struct clipmap_view { // the levels about one viewer, and what was selected for 
     GLuint heights; // one layer a level
     GLuint corners; // of the selection
     GLuint vertex_array;
-    uint64_t samples_updated; // this frame
+    uint64_t samples_updated; // by the last update
+    uint64_t samples_left;    // that this frame may still read
+    int levels_behind;        // that do not hold what the viewer wants
 };
 
 struct clipmap_program {
@@ -59,6 +74,8 @@ struct clipmap {
     struct clipmap_choice choice;
     bool front_only; // back faces are culled
     bool rebuild;    // every level is read whole each frame
+    uint64_t budget; // samples a frame and view
+    int frame;       // the one begun last
     struct clipmap_mesh mesh;
     struct clipmap_scratch scratch;
     struct clipmap_view views[RENDERER_MAX_VIEWS]; // each is made when it is first used
@@ -143,24 +160,40 @@ static double height_over_ground(const struct terrain *terrain, const struct vie
     return place[2] - (ground_q * info->quantum_m + info->offset_m);
 }
 
-// Sections 4 and 5: coarse to fine, each level up to date in the same frame.
+// Section 5: coarse to fine, as far as the budget goes.  The coarsest level is read whole, once and beside
+// the budget: without it there is nothing to draw.
+static void refill(struct clipmap *c, struct clipmap_view *own, double height_m,
+                   struct clipmap_box clips[CLIPMAP_MAX_LEVELS])
+{
+    int coarsest = c->shape.levels - 1;
+    own->samples_updated = 0;
+    own->levels_behind = 0;
+    glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, own->heights);
+    for (int k = coarsest; k >= 0; k--) {
+        struct clipmap_store *store = &own->stores[k];
+        if (c->rebuild) store->clip = clipmap_empty;
+        struct clipmap_box desired = clipmap_desired(&c->shape, k, &own->eyes[k], height_m);
+        struct clipmap_box target =
+            clipmap_target(&c->shape, k, &store->clip, k < coarsest ? &clips[k + 1] : NULL, &desired);
+        struct layer layer = {c->gpu, k};
+        uint64_t budget = k < coarsest ? own->samples_left : UINT64_MAX;
+        uint64_t samples = clipmap_store_move(store, &target, budget, &c->scratch, write_layer, &layer);
+        if (k < coarsest && c->budget < UINT64_MAX) own->samples_left -= samples;
+        own->samples_updated += samples;
+        own->levels_behind += !clipmap_box_holds(&store->clip, &desired);
+        clips[k] = store->clip;
+    }
+}
+
+// Sections 4 and 5.
 static void update_view(struct clipmap *c, struct clipmap_view *own, const struct view *view)
 {
     struct clipmap_box clips[CLIPMAP_MAX_LEVELS];
     double height_m = height_over_ground(c->terrain, view);
     int finest = terrain_info(c->terrain)->finest;
-    own->samples_updated = 0;
-    glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
-    glBindTexture(GL_TEXTURE_2D_ARRAY, own->heights);
-    for (int k = c->shape.levels - 1; k >= 0; k--) {
-        own->eyes[k] = view_level_origin(view, finest + k);
-        struct clipmap_box desired = clipmap_desired(&c->shape, k, &own->eyes[k], height_m);
-        struct layer layer = {c->gpu, k};
-        if (c->rebuild) own->stores[k].clip = clipmap_empty;
-        own->samples_updated +=
-            clipmap_store_move(&own->stores[k], &desired, &c->scratch, write_layer, &layer);
-        clips[k] = own->stores[k].clip;
-    }
+    for (int k = 0; k < c->shape.levels; k++) own->eyes[k] = view_level_origin(view, finest + k);
+    refill(c, own, height_m, clips);
     clipmap_regions(&c->shape, own->eyes, height_m, clips, own->regions);
     clipmap_select(&own->selection, &c->shape, &c->choice, &c->mesh, own->regions, own->stores, own->eyes,
                    view);
@@ -170,10 +203,19 @@ static void update_view(struct clipmap *c, struct clipmap_view *own, const struc
                     own->selection.corners, GL_STREAM_DRAW);
 }
 
+// A frame's budget is spent once, however often its number comes, and a smaller number begins a new flight
+// with empty levels: what a budget draws depends on the views of this flight alone.
 static void begin_frame(struct renderer *renderer, int frame)
 {
-    (void)frame;
-    ((struct clipmap *)renderer)->view_count = 0;
+    struct clipmap *c = (struct clipmap *)renderer;
+    c->view_count = 0;
+    for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {
+        struct clipmap_view *view = &c->views[i];
+        if (frame != c->frame) view->samples_left = c->budget;
+        for (int k = 0; frame < c->frame && c->budget < UINT64_MAX && k < c->shape.levels - 1; k++)
+            view->stores[k].clip = clipmap_empty;
+    }
+    c->frame = frame;
 }
 
 static bool update(struct renderer *renderer, const struct view *views, int count)
@@ -263,6 +305,7 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
         .resident_bytes = bytes,
         .counters = {{"levels", view->selection.levels},
                      {"samples_updated", (double)samples},
+                     {"levels_behind", view->levels_behind},
                      {"blocks", view->selection.blocks},
                      {"culled", view->selection.culled}},
     };
@@ -314,6 +357,12 @@ static bool set_shape(struct clipmap *c, const double *values)
     struct terrain_level finest = terrain_level(c->terrain, info->finest);
     clipmap_shape_init(&c->shape, &rules, info->coarsest - info->finest + 1, &finest.extent,
                        fmax(finest.spacing_m[0], finest.spacing_m[1]));
+    c->budget = values[KNOB_BUDGET] > 0 ? (uint64_t)values[KNOB_BUDGET] : UINT64_MAX;
+    if (c->budget < 4 * (uint64_t)c->shape.size)
+        return fail("clipmap: budget is %g; 0 or at least %d, four lines of a level, is expected",
+                    values[KNOB_BUDGET], 4 * c->shape.size);
+    if (c->rebuild && c->budget < UINT64_MAX)
+        return fail("clipmap: refill=whole reads every level each frame; it takes no budget");
     int most = gpu_info(c->gpu)->max_texture_size;
     if (c->shape.size <= most) return true;
     return fail("clipmap: a level of %d x %d samples: textures of this OpenGL driver have at most %d",
@@ -339,6 +388,7 @@ static bool init(struct clipmap *c, const struct renderer_desc *desc)
 {
     c->gpu = desc->gpu;
     c->terrain = desc->terrain;
+    c->frame = -1;
     if (!set_shape(c, desc->knobs) || !clipmap_mesh_init(&c->mesh) ||
         !clipmap_scratch_init(&c->scratch, c->shape.size) || !build_programs(c, desc->effects))
         return false;

@@ -62,14 +62,14 @@ static int64_t smaller(int64_t a, int64_t b)
     return a < b ? a : b;
 }
 
-static struct clipmap_box intersect(const struct clipmap_box *a, const struct clipmap_box *b)
+struct clipmap_box clipmap_box_common(const struct clipmap_box *a, const struct clipmap_box *b)
 {
     struct clipmap_box both;
     for (int axis = 0; axis < 2; axis++) {
         both.lo[axis] = larger(a->lo[axis], b->lo[axis]);
         both.hi[axis] = smaller(a->hi[axis], b->hi[axis]);
     }
-    return both;
+    return clipmap_box_is_empty(&both) ? clipmap_empty : both;
 }
 
 void clipmap_shape_init(struct clipmap_shape *shape, const struct clipmap_rules *rules, int available,
@@ -94,6 +94,11 @@ void clipmap_shape_init(struct clipmap_shape *shape, const struct clipmap_rules 
     shape->size = (int)larger(rules->n, longest) + CLIPMAP_MARGIN;
 }
 
+static bool is_coarsest(const struct clipmap_shape *shape, int k)
+{
+    return k == shape->levels - 1;
+}
+
 // n x n samples, the viewer within one cell of the centre, all four sides on even samples (section 5,
 // constraint 3).
 static struct clipmap_box centred(int n, const struct view_origin *eye)
@@ -106,17 +111,12 @@ static struct clipmap_box centred(int n, const struct view_origin *eye)
     return box;
 }
 
-static bool is_coarsest(const struct clipmap_shape *shape, int k)
-{
-    return k == shape->levels - 1;
-}
-
 static struct clipmap_box wanted(const struct clipmap_shape *shape, int k,
                                  const struct clipmap_box *about_viewer, double height_m)
 {
     if (is_coarsest(shape, k)) return shape->map[k];
     if (height_m > 0.4 * shape->rules.n * shape->spacing_m[k]) return clipmap_empty;
-    struct clipmap_box box = intersect(about_viewer, &shape->map[k]);
+    struct clipmap_box box = clipmap_box_common(about_viewer, &shape->map[k]);
     for (int axis = 0; axis < 2; axis++)
         if (box.hi[axis] - box.lo[axis] < 2) return clipmap_empty;
     return box;
@@ -129,28 +129,89 @@ struct clipmap_box clipmap_desired(const struct clipmap_shape *shape, int k, con
     return wanted(shape, k, &about_viewer, height_m);
 }
 
-struct clipmap_box clipmap_follow(const struct clipmap_box *clip, const struct clipmap_box *desired, int size)
+// The part of level k that the coarser clip region less one cell covers.
+static struct clipmap_box room_within(const struct clipmap_shape *shape, int k,
+                                      const struct clipmap_box *coarser_clip)
 {
-    if (clipmap_box_is_empty(desired)) return *clip;
-    struct clipmap_box next = *clip;
-    bool fresh = clipmap_box_is_empty(clip);
+    const struct clipmap_box *map = &shape->map[k], *coarser_map = &shape->map[k + 1];
+    struct clipmap_box room = *map;
+    if (clipmap_box_is_empty(coarser_clip)) return clipmap_empty;
     for (int axis = 0; axis < 2; axis++) {
-        int64_t lo = desired->lo[axis], hi = desired->hi[axis];
-        if (fresh)
-            next.lo[axis] = lo - (size - (hi - lo + 1)) / 2;
-        else if (lo < clip->lo[axis])
-            next.lo[axis] = lo;
-        else if (hi > clip->hi[axis])
-            next.lo[axis] = hi - size + 1;
-        next.hi[axis] = next.lo[axis] + size - 1;
+        int64_t lo = coarser_clip->lo[axis], hi = coarser_clip->hi[axis];
+        if (lo > coarser_map->lo[axis]) room.lo[axis] = larger(room.lo[axis], 2 * (lo + 1));
+        if (hi < coarser_map->hi[axis]) room.hi[axis] = smaller(room.hi[axis], 2 * (hi - 1));
+    }
+    return clipmap_box_is_empty(&room) ? clipmap_empty : room;
+}
+
+// Lines that the viewer has left stay while there is room for them.
+static struct clipmap_box follow(const struct clipmap_box *clip, const struct clipmap_box *desired, int size)
+{
+    struct clipmap_box next = *desired, common = clipmap_box_common(clip, desired);
+    if (clipmap_box_is_empty(&common)) return next;
+    for (int axis = 0; axis < 2; axis++) {
+        int64_t lo = smaller(clip->lo[axis], desired->lo[axis]),
+                hi = larger(clip->hi[axis], desired->hi[axis]);
+        bool upwards = desired->hi[axis] > clip->hi[axis];
+        next.lo[axis] = upwards ? larger(lo, hi - size + 1) : lo;
+        next.hi[axis] = upwards ? hi : smaller(hi, lo + size - 1);
     }
     return next;
+}
+
+struct clipmap_box clipmap_target(const struct clipmap_shape *shape, int k, const struct clipmap_box *clip,
+                                  const struct clipmap_box *coarser_clip, const struct clipmap_box *desired)
+{
+    if (is_coarsest(shape, k)) return shape->map[k];
+    struct clipmap_box room = room_within(shape, k, coarser_clip), kept = clipmap_box_common(clip, &room),
+                       wanted_here = clipmap_box_common(desired, &room);
+    if (clipmap_box_is_empty(&wanted_here)) return kept;
+    return follow(&kept, &wanted_here, shape->size);
+}
+
+// `step` of `steps` from one box to one around it.
+static struct clipmap_box between(const struct clipmap_box *from, const struct clipmap_box *to, int64_t step,
+                                  int64_t steps)
+{
+    struct clipmap_box box;
+    for (int axis = 0; axis < 2; axis++) {
+        box.lo[axis] = from->lo[axis] - (from->lo[axis] - to->lo[axis]) * step / steps;
+        box.hi[axis] = from->hi[axis] + (to->hi[axis] - from->hi[axis]) * step / steps;
+    }
+    return box;
+}
+
+struct clipmap_box clipmap_grown(const struct clipmap_box *kept, const struct clipmap_box *target,
+                                 uint64_t budget)
+{
+    if (clipmap_box_is_empty(target)) return clipmap_empty;
+    struct clipmap_box from = *kept;
+    int64_t steps = 1;
+    for (int axis = 0; axis < 2; axis++) {
+        if (clipmap_box_is_empty(kept)) {
+            from.lo[axis] = clipmap_floor_div(target->lo[axis] + target->hi[axis] + 1, 2);
+            from.hi[axis] = from.lo[axis] - 1;
+        }
+        steps = larger(steps, from.lo[axis] - target->lo[axis]);
+        steps = larger(steps, target->hi[axis] - from.hi[axis]);
+    }
+    int64_t done = 0; // how many steps the budget pays for
+    for (int64_t most = steps; done < most;) {
+        int64_t middle = (done + most + 1) / 2;
+        struct clipmap_box box = between(&from, target, middle, steps);
+        if (clipmap_box_samples(&box) - clipmap_box_samples(kept) <= budget)
+            done = middle;
+        else
+            most = middle - 1;
+    }
+    struct clipmap_box grown = between(&from, target, done, steps);
+    return clipmap_box_is_empty(&grown) ? clipmap_empty : grown;
 }
 
 int clipmap_exposed(const struct clipmap_box *before, const struct clipmap_box *now,
                     struct clipmap_box exposed[4])
 {
-    struct clipmap_box kept = intersect(before, now), rest = *now;
+    struct clipmap_box kept = clipmap_box_common(before, now), rest = *now;
     if (clipmap_box_is_empty(before) || clipmap_box_is_empty(&kept)) {
         exposed[0] = *now;
         return clipmap_box_is_empty(now) ? 0 : 1;

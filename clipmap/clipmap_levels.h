@@ -3,13 +3,15 @@
 //
 // Levels are counted from the finest drawn: level k has spacing g_k = g_0 2^k.  A box is a rectangle of
 // samples of one level, both ends included.  Three boxes a level:
-//   clip region    the samples in memory; it follows the viewer and lags behind by up to CLIPMAP_MARGIN
+//   clip region    the samples in memory; it follows the viewer, keeps up to CLIPMAP_MARGIN lines that he has
+//                  left, lies within the coarser clip region less one cell, and falls behind when the budget
+//                  of samples is spent
 //   active region  n x n samples about the viewer, within the map, cropped to the clip region and to the
 //                  coarser active region less two cells; its open sides lie on even samples
 //   render region  active region less the active region of the next finer level (the hole)
 // The coarsest level holds the whole map and does not follow the viewer, so that the map is always covered.
 //
-// The active region is a function of the view alone, without memory: two visits to one view draw the same
+// Without a budget the active region is a function of the view alone: two visits to one view draw the same
 // picture.  What damps jitter is the clip region's margin (numerics.md, B7): no sample is read again while
 // the viewer swings about a snapping line.
 //
@@ -41,6 +43,7 @@ bool clipmap_box_holds(const struct clipmap_box *outer,
                        const struct clipmap_box *inner); // true for an empty inner
 bool clipmap_box_equal(const struct clipmap_box *a, const struct clipmap_box *b);
 uint64_t clipmap_box_samples(const struct clipmap_box *box);
+struct clipmap_box clipmap_box_common(const struct clipmap_box *a, const struct clipmap_box *b);
 
 int64_t clipmap_floor_div(int64_t a, int64_t b); // b > 0; rounds towards minus infinity (numerics.md, B5)
 int clipmap_slot(int64_t index, int size);       // toroidal slot, 0 .. size - 1, of any index
@@ -69,9 +72,17 @@ void clipmap_shape_init(struct clipmap_shape *shape, const struct clipmap_rules 
 struct clipmap_box clipmap_desired(const struct clipmap_shape *shape, int k, const struct view_origin *eye,
                                    double height_m);
 
-// Moves a clip region of size x size samples as little as holds `desired`; an empty one is centred on it.
-struct clipmap_box clipmap_follow(const struct clipmap_box *clip, const struct clipmap_box *desired,
-                                  int size);
+// What the memory of level k should hold next: `desired` and as much of `clip` as fits in size x size
+// samples, all within the coarser clip region less one cell (section 5, constraint 1; at the map's edge there
+// is no coarser sample to spare).  What of `clip` is outside of it is to be forgotten.
+struct clipmap_box clipmap_target(const struct clipmap_shape *shape, int k, const struct clipmap_box *clip,
+                                  const struct clipmap_box *coarser_clip, const struct clipmap_box *desired);
+
+// The largest box on the way from `kept`, a part of `target`, to `target` that reads at most `budget`
+// samples: all sides move outwards, each by the same share of its way.  An empty `kept` starts in the middle.
+// A budget of 4 lines moves at least one side.
+struct clipmap_box clipmap_grown(const struct clipmap_box *kept, const struct clipmap_box *target,
+                                 uint64_t budget);
 
 // The samples of `now` that are not in `before`: up to 4 boxes that do not overlap ("L-shaped", section 5).
 int clipmap_exposed(const struct clipmap_box *before, const struct clipmap_box *now,

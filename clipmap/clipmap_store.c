@@ -127,11 +127,12 @@ static void bound_tiles(struct clipmap_store *store, const struct clipmap_box *b
             bound_tile(store, x, y);
 }
 
-uint64_t clipmap_store_move(struct clipmap_store *store, const struct clipmap_box *desired,
+uint64_t clipmap_store_move(struct clipmap_store *store, const struct clipmap_box *target, uint64_t budget,
                             const struct clipmap_scratch *scratch, clipmap_write_fn *write, void *user)
 {
-    struct clipmap_box now = clipmap_follow(&store->clip, desired, store->size), exposed[4], pieces[4];
-    int exposed_count = clipmap_exposed(&store->clip, &now, exposed);
+    struct clipmap_box kept = clipmap_box_common(&store->clip, target), exposed[4], pieces[4];
+    struct clipmap_box now = clipmap_grown(&kept, target, budget);
+    int exposed_count = clipmap_exposed(&kept, &now, exposed);
     uint64_t samples = 0;
     for (int i = 0; i < exposed_count; i++) {
         int piece_count = clipmap_unwrap(&exposed[i], store->size, pieces);

@@ -44,9 +44,9 @@ void clipmap_scratch_finish(struct clipmap_scratch *scratch);
 typedef void clipmap_write_fn(void *user, int slot_x, int slot_y, int width, int height,
                               const float (*pairs)[2]);
 
-// Moves the clip region so that it holds `desired` and reads what this exposes, each sample once.  Returns
-// how many.
-uint64_t clipmap_store_move(struct clipmap_store *store, const struct clipmap_box *desired,
+// Forgets what is outside of `target`, no larger than size x size, and reads what is missing of it, each
+// sample once and no more than `budget`: the clip region stays a rectangle.  Returns how many it read.
+uint64_t clipmap_store_move(struct clipmap_store *store, const struct clipmap_box *target, uint64_t budget,
                             const struct clipmap_scratch *scratch, clipmap_write_fn *write, void *user);
 
 // Reads the pairs of a box, row by row, into scratch->pairs.

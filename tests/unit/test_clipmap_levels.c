@@ -492,9 +492,11 @@ static void b7_jitter_reads_once(void **state)
     for (int swing = 0; swing < 200; swing++) {
         double off = (swing & 1 ? 1 : -1) * ldexp(1, -world.view.lattice_bits); // the lattice swallows 1e-6
         stand(&world, 2048 + off, 2048 + off);
-        for (int k = 0; k + 1 < world.shape.levels; k++) {
+        world.clips[world.shape.levels - 1] = world.shape.map[world.shape.levels - 1];
+        for (int k = world.shape.levels - 2; k >= 0; k--) {
             struct clipmap_box desired = clipmap_desired(&world.shape, k, &world.eyes[k], 0), exposed[4];
-            struct clipmap_box now = clipmap_follow(&world.clips[k], &desired, world.shape.size);
+            struct clipmap_box now =
+                clipmap_target(&world.shape, k, &world.clips[k], &world.clips[k + 1], &desired);
             uint64_t samples = 0;
             int count = clipmap_exposed(&world.clips[k], &now, exposed);
             for (int e = 0; e < count; e++) samples += clipmap_box_samples(&exposed[e]);

@@ -109,72 +109,198 @@ static void b4_z_c_is_the_coarser_surface(void **state)
 
 // ---- B6, B5 ----------------------------------------------------------------
 
-static void check_contents(const struct clipmap_store *store, const struct memory *memory,
-                           const struct clipmap_scratch *scratch)
+static uint64_t wrong_samples(const struct clipmap_store *store, const struct memory *memory,
+                              const struct clipmap_scratch *scratch)
 {
     const struct clipmap_box *clip = &store->clip;
+    uint64_t wrong = 0;
+    if (clipmap_box_is_empty(clip)) return 0;
     clipmap_store_read(store, clip, scratch);
+    const float(*fresh)[2] = (const float(*)[2])scratch->pairs;
     for (int64_t y = clip->lo[1]; y <= clip->hi[1]; y++)
         for (int64_t x = clip->lo[0]; x <= clip->hi[0]; x++) {
             size_t slot = (size_t)clipmap_slot(y, store->size) * (size_t)store->size +
                           (size_t)clipmap_slot(x, store->size);
-            size_t fresh = (size_t)(y - clip->lo[1]) * (size_t)store->size + (size_t)(x - clip->lo[0]);
-            assert_memory_equal(memory->slots[slot], scratch->pairs[fresh], sizeof memory->slots[slot]);
+            wrong += memcmp(memory->slots[slot], fresh++, sizeof memory->slots[slot]) != 0;
         }
+    return wrong;
 }
 
-static int64_t step_of(uint64_t *seed, int n)
+static void check_contents(const struct clipmap_store *store, const struct memory *memory,
+                           const struct clipmap_scratch *scratch)
 {
-    const int64_t steps[] = {0, 0, 1, -1, 2, -2, 3, -5, n - 1, n, n + 1, -n, -n - 1, -n + 1, 5000, -5000};
-    return steps[test_random(seed) % (sizeof steps / sizeof *steps)];
+    assert_int_equal(wrong_samples(store, memory, scratch), 0);
 }
 
-// Each step moves the viewer by 0 .. n + 1 cells or far away; each sample is written at most once, and what
-// is written is just what was not there.
-static void walk(const struct terrain *terrain, int level, int n, int steps, uint64_t *seed)
-{
-    int size = n + CLIPMAP_MARGIN;
-    struct memory memory;
-    struct clipmap_store store;
+// The levels about a viewer who walks, their textures in memory.
+struct levels {
+    struct clipmap_shape shape;
+    struct view view;
+    struct clipmap_store stores[CLIPMAP_MAX_LEVELS];
+    struct memory memories[CLIPMAP_MAX_LEVELS];
     struct clipmap_scratch scratch;
-    memory_init(&memory, size);
-    assert_true(clipmap_store_init(&store, terrain, level, true, size) &&
-                clipmap_scratch_init(&scratch, size));
-    int64_t x = (int64_t)(test_random(seed) % 600) - 300, y = (int64_t)(test_random(seed) % 600) - 300;
-    for (int step = 0; step < steps; step++) {
-        x += step_of(seed, n);
-        y += step_of(seed, n);
-        struct clipmap_box before = store.clip,
-                           desired = square(2 * clipmap_floor_div(x, 2), 2 * clipmap_floor_div(y, 2), n);
-        memset(memory.writes, 0, (size_t)size * (size_t)size * sizeof *memory.writes);
-        uint64_t samples = clipmap_store_move(&store, &desired, &scratch, write_memory, &memory), written = 0,
-                 kept = 0;
-        assert_true(clipmap_box_holds(&store.clip, &desired));
-        for (int slot = 0; slot < size * size; slot++) {
-            assert_true(memory.writes[slot] <= 1);
-            written += memory.writes[slot];
-        }
-        if (!clipmap_box_is_empty(&before))
-            for (int64_t j = store.clip.lo[1]; j <= store.clip.hi[1]; j++)
-                for (int64_t i = store.clip.lo[0]; i <= store.clip.hi[0]; i++)
-                    kept += i >= before.lo[0] && i <= before.hi[0] && j >= before.lo[1] && j <= before.hi[1];
-        assert_int_equal(samples, written);
-        assert_int_equal(written, (uint64_t)size * (uint64_t)size - kept);
+    struct clipmap_box desired[CLIPMAP_MAX_LEVELS];
+};
+
+static void levels_init(struct levels *levels, const struct terrain *terrain, int n)
+{
+    const struct terrain_info *info = terrain_info(terrain);
+    const struct terrain_extent extent = terrain_level(terrain, info->finest).extent;
+    const struct clipmap_rules rules = {.n = n, .transition = 0.1, .alpha = CLIPMAP_ALPHA_STABLE};
+    clipmap_shape_init(&levels->shape, &rules, info->coarsest - info->finest + 1, &extent, 1);
+    levels->view = (struct view){.lattice_bits = 8};
+    for (int k = 0; k < levels->shape.levels; k++) {
+        memory_init(&levels->memories[k], levels->shape.size);
+        assert_true(clipmap_store_init(&levels->stores[k], terrain, info->finest + k,
+                                       k + 1 < levels->shape.levels, levels->shape.size));
     }
-    check_contents(&store, &memory, &scratch);
-    clipmap_store_finish(&store);
-    clipmap_scratch_finish(&scratch);
-    memory_finish(&memory);
+    assert_true(clipmap_scratch_init(&levels->scratch, levels->shape.size));
+}
+
+static void levels_finish(struct levels *levels)
+{
+    for (int k = 0; k < levels->shape.levels; k++) {
+        clipmap_store_finish(&levels->stores[k]);
+        memory_finish(&levels->memories[k]);
+    }
+    clipmap_scratch_finish(&levels->scratch);
+}
+
+static uint64_t written_once(const struct memory *memory)
+{
+    uint64_t written = 0;
+    for (int slot = 0; slot < memory->size * memory->size; slot++) {
+        assert_true(memory->writes[slot] <= 1);
+        written += memory->writes[slot];
+    }
+    return written;
+}
+
+// Section 5, constraint 1: within the coarser clip region less one cell, but at the map's edge.
+static void check_nested(const struct levels *levels, int k)
+{
+    const struct clipmap_box *clip = &levels->stores[k].clip, *coarser = &levels->stores[k + 1].clip,
+                             *map = &levels->shape.map[k + 1];
+    if (clipmap_box_is_empty(clip)) return;
+    for (int axis = 0; axis < 2; axis++) {
+        assert_true(clip->lo[axis] >= 2 * (coarser->lo[axis] + (coarser->lo[axis] > map->lo[axis])));
+        assert_true(clip->hi[axis] <= 2 * (coarser->hi[axis] - (coarser->hi[axis] < map->hi[axis])));
+    }
+}
+
+// One update, as the renderer does it.  Each sample is written at most once, what is written is just what was
+// not there, and no more than the budget; the levels stay nested.  Returns the samples read, but for those of
+// the coarsest level, which has no budget.
+static uint64_t update(struct levels *levels, uint64_t budget)
+{
+    uint64_t left = budget;
+    int coarsest = levels->shape.levels - 1;
+    for (int k = coarsest; k >= 0; k--) {
+        struct clipmap_store *store = &levels->stores[k];
+        struct memory *memory = &levels->memories[k];
+        struct view_origin eye = view_level_origin(&levels->view, k);
+        levels->desired[k] = clipmap_desired(&levels->shape, k, &eye, 0);
+        struct clipmap_box before = store->clip,
+                           target = clipmap_target(&levels->shape, k, &store->clip,
+                                                   k < coarsest ? &store[1].clip : NULL, &levels->desired[k]);
+        memset(memory->writes, 0, (size_t)memory->size * (size_t)memory->size * sizeof *memory->writes);
+        uint64_t samples = clipmap_store_move(store, &target, k < coarsest ? left : UINT64_MAX,
+                                              &levels->scratch, write_memory, memory);
+        struct clipmap_box kept = clipmap_box_common(&before, &store->clip);
+        assert_int_equal(samples, written_once(memory));
+        assert_int_equal(samples, clipmap_box_samples(&store->clip) - clipmap_box_samples(&kept));
+        assert_true(clipmap_box_holds(&target, &store->clip));
+        if (k == coarsest) continue;
+        assert_true(samples <= left);
+        left -= samples;
+        check_nested(levels, k);
+    }
+    return budget - left;
+}
+
+static int levels_behind(const struct levels *levels)
+{
+    int behind = 0;
+    for (int k = 0; k < levels->shape.levels; k++)
+        behind += !clipmap_box_holds(&levels->stores[k].clip, &levels->desired[k]);
+    return behind;
+}
+
+static void step(struct levels *levels, uint64_t *seed)
+{
+    const int64_t n = levels->shape.rules.n;
+    const int64_t steps[] = {0, 0, 1, -1, 2, -2, 3, -5, n - 1, n, n + 1, -n, -n - 1, -n + 1, 700, -700};
+    for (int axis = 0; axis < 2; axis++) {
+        int64_t cells = steps[test_random(seed) % (sizeof steps / sizeof *steps)];
+        levels->view.eye_lattice[axis] += cells * 256 + (int64_t)(test_random(seed) % 512) - 256;
+    }
+    if (test_random(seed) % 16 == 0) // a teleport, mostly onto the map
+        for (int axis = 0; axis < 2; axis++)
+            levels->view.eye_lattice[axis] = (int64_t)(test_random(seed) % (900 * 256)) - 400 * 256;
+}
+
+// Each step with another budget, at times none.
+static void walk(const struct terrain *terrain, int n, int steps, uint64_t *seed, uint64_t *behind)
+{
+    struct levels levels;
+    levels_init(&levels, terrain, n);
+    uint64_t least = 4 * (uint64_t)levels.shape.size;
+    for (int i = 0; i < steps; i++) {
+        step(&levels, seed);
+        bool free = test_random(seed) % 4 == 0;
+        update(&levels, free ? UINT64_MAX : least + test_random(seed) % (uint64_t)(n * n));
+        *behind += (uint64_t)levels_behind(&levels);
+        if (free) assert_int_equal(levels_behind(&levels), 0);
+    }
+    for (int k = 0; k < levels.shape.levels; k++)
+        check_contents(&levels.stores[k], &levels.memories[k], &levels.scratch);
+    levels_finish(&levels);
 }
 
 static void b6_walks_leave_what_a_fresh_build_has(void **state)
 {
     (void)state;
     struct terrain *terrain = test_terrain(&hills);
-    uint64_t seed = 6;
-    int walks = test_size(100, 1000);
-    for (int i = 0; i < walks; i++) walk(terrain, (int)(test_random(&seed) % 4), i % 2 ? 15 : 31, 40, &seed);
-    FIGURE("B6: %d walks of 40 steps, contents equal a fresh build bit for bit", walks);
+    uint64_t seed = 6, behind = 0;
+    const int walks = 1000;
+    for (int i = 0; i < walks; i++) walk(terrain, i % 2 ? 15 : 31, 40, &seed, &behind);
+    FIGURE("B6: %d walks of 40 steps, every level equals a fresh build bit for bit (%lu levels behind on the "
+           "way)",
+           walks, behind);
+    assert_true(behind > 0);
+    terrain_destroy(terrain);
+}
+
+// B8: after a teleport one level a frame is filled, coarse levels first, with a budget of n x n samples, and
+// with any budget of four lines all are in the end.
+static void b8_a_teleport_fills_coarse_to_fine(void **state)
+{
+    (void)state;
+    struct terrain *terrain = test_terrain(&hills);
+    static const int sizes[] = {15, 31, 63};
+    for (int s = 0; s < 3; s++) {
+        int n = sizes[s];
+        struct levels levels;
+        levels_init(&levels, terrain, n);
+        int followers = levels.shape.levels - 1;
+        for (int frame = 1; frame <= followers; frame++) {
+            update(&levels, (uint64_t)(n * n));
+            for (int k = 0; k < levels.shape.levels; k++)
+                assert_int_equal(clipmap_box_holds(&levels.stores[k].clip, &levels.desired[k]),
+                                 k >= followers - frame);
+        }
+        assert_int_equal(update(&levels, (uint64_t)(n * n)), 0);
+        for (int axis = 0; axis < 2; axis++) levels.view.eye_lattice[axis] = 120 * 256;
+        uint64_t frames = 0, samples = (uint64_t)(n * n * followers);
+        do {
+            uint64_t read = update(&levels, 4 * (uint64_t)levels.shape.size);
+            if (levels_behind(&levels)) assert_true(read > 0);
+            assert_true(++frames <= samples);
+        } while (levels_behind(&levels));
+        for (int k = 0; k < levels.shape.levels; k++)
+            check_contents(&levels.stores[k], &levels.memories[k], &levels.scratch);
+        levels_finish(&levels);
+    }
     terrain_destroy(terrain);
 }
 
@@ -196,17 +322,10 @@ static void b6_sees_a_slip(void **state)
     memory_init(&memory, 17);
     assert_true(clipmap_store_init(&store, terrain, 0, true, 17) && clipmap_scratch_init(&scratch, 17));
     struct clipmap_box desired = square(0, 0, 15);
-    clipmap_store_move(&store, &desired, &scratch, write_memory, &memory);
+    clipmap_store_move(&store, &desired, UINT64_MAX, &scratch, write_memory, &memory);
     desired = square(4, 0, 15);
-    clipmap_store_move(&store, &desired, &scratch, slip, &memory);
-    int wrong = 0;
-    clipmap_store_read(&store, &store.clip, &scratch);
-    for (int i = 0; i < 17 * 17; i++) {
-        int slot =
-            clipmap_slot(store.clip.lo[1] + i / 17, 17) * 17 + clipmap_slot(store.clip.lo[0] + i % 17, 17);
-        wrong += memcmp(memory.slots[slot], scratch.pairs[i], sizeof memory.slots[slot]) != 0;
-    }
-    assert_true(wrong > 0);
+    clipmap_store_move(&store, &desired, UINT64_MAX, &scratch, slip, &memory);
+    assert_true(wrong_samples(&store, &memory, &scratch) > 0);
     clipmap_store_finish(&store);
     clipmap_scratch_finish(&scratch);
     memory_finish(&memory);
@@ -229,9 +348,9 @@ static void bounds_hold_and_do_not_depend_on_the_way(void **state)
     for (int step = 0; step < 60; step++) {
         struct clipmap_box desired =
             square((int64_t)(test_random(&seed) % 120) - 60, (int64_t)(test_random(&seed) % 90) - 60, N);
-        clipmap_store_move(&store, &desired, &scratch, write_memory, &memory);
+        clipmap_store_move(&store, &desired, UINT64_MAX, &scratch, write_memory, &memory);
         assert_true(clipmap_store_init(&fresh, terrain, 1, true, SIZE));
-        clipmap_store_move(&fresh, &desired, &scratch, write_memory, &memory);
+        clipmap_store_move(&fresh, &desired, UINT64_MAX, &scratch, write_memory, &memory);
         for (int b = 0; b < 20; b++) {
             int side = 1 + (int)(test_random(&seed) % 17);
             struct clipmap_box box = square(desired.lo[0] + (int64_t)(test_random(&seed) % (N - 17)),
@@ -259,6 +378,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(b4_z_c_is_the_coarser_surface),
         cmocka_unit_test(b6_walks_leave_what_a_fresh_build_has),
+        cmocka_unit_test(b8_a_teleport_fills_coarse_to_fine),
         cmocka_unit_test(b6_sees_a_slip),
         cmocka_unit_test(bounds_hold_and_do_not_depend_on_the_way),
     };

@@ -1,0 +1,160 @@
+// What of the levels is kept and drawn, as drawn: a budget, throttled, ahead of the motion.  Watertight
+// always. SPDX-License-Identifier: MIT
+#include "tests/gpu/test_clipmap.h"
+
+static const int sizes[] = {15, 31, 63, 127, 255, 511};
+enum { SIZES = sizeof sizes / sizeof *sizes };
+
+static double counter(const struct renderer *renderer, const char *name)
+{
+    struct renderer_stats stats;
+    clipmap_renderer.stats(renderer, &stats);
+    for (int i = 0; stats.counters[i].name; i++)
+        if (!strcmp(stats.counters[i].name, name)) return stats.counters[i].value;
+    fail_msg("no counter %s", name);
+    return 0;
+}
+
+static uint64_t triangles(const struct renderer *renderer)
+{
+    struct renderer_stats stats;
+    clipmap_renderer.stats(renderer, &stats);
+    return stats.triangles;
+}
+
+static void fly(struct renderer *renderer, int frame, const struct view *view)
+{
+    clipmap_renderer.begin_frame(renderer, frame);
+    assert_true(clipmap_renderer.update(renderer, view, 1));
+}
+
+// ---- budget: B3, B8 --------------------------------------------------------
+
+struct tally {
+    struct drops drops;
+    uint64_t frames_behind, most_samples, triangles_behind, triangles_there;
+};
+
+// Teleports from view to view; every frame is looked at until the levels have caught up.
+static void teleport(struct fixture *f, const struct terrain *terrain, int n, int views, struct tally *tally)
+{
+    int budget = n * n, frame = 0;
+    char settings[64];
+    snprintf(settings, sizeof settings, "n=%d cull=off budget=%d", n, budget);
+    struct renderer *renderer = create(f, terrain, settings);
+    uint64_t seed = 8;
+    for (int i = 0; i < views; i++) {
+        struct view view = view_over(terrain, &seed, 2, 3000);
+        uint64_t before = 0;
+        for (double behind = 1; behind > 0;) {
+            fly(renderer, frame++, &view);
+            behind = counter(renderer, "levels_behind");
+            // The first frame reads the coarsest level beside the budget.
+            if (frame > 1) assert_true(counter(renderer, "samples_updated") <= budget);
+            assert_true(triangles(renderer) >= before); // the finer levels add to it
+            before = triangles(renderer);
+            if (behind > 0) tally->triangles_behind += before, tally->frames_behind++;
+            count_drops(f, renderer, terrain, &view, &tally->drops);
+        }
+        tally->triangles_there += before;
+    }
+    clipmap_renderer.destroy(renderer);
+}
+
+static void budgeted_frames_have_no_holes(void **state)
+{
+    struct fixture *f = *state;
+    struct terrain *terrain = test_terrain(&hills);
+    for (int s = 0; s < SIZES; s++) {
+        struct tally tally = {.frames_behind = 0};
+        int views = test_size(sizes[s] < 100 ? 8 : 4, 2000);
+        teleport(f, terrain, sizes[s], views, &tally);
+        FIGURE(
+            "budget, n=%d: %d views, %lu frames, %lu behind: %lu and %lu pixels dropped; behind, %.2f of the "
+            "triangles",
+            sizes[s], views, tally.drops.views, tally.frames_behind, tally.drops.position, tally.drops.depth,
+            (double)tally.triangles_behind / (double)tally.frames_behind /
+                ((double)tally.triangles_there / views));
+        assert_int_equal(tally.drops.position + tally.drops.depth, 0);
+        assert_true(tally.frames_behind > 0);
+    }
+    terrain_destroy(terrain);
+}
+
+// One way over the map, the faster the fewer frames.
+static struct view on_the_way(const struct terrain *terrain, double t)
+{
+    const double *o = terrain_info(terrain)->outline_m;
+    struct camera camera = {
+        .eye_m = {o[0] + (o[2] - o[0]) * (0.1 + 0.8 * t), o[1] + (o[3] - o[1]) * (0.2 + 0.5 * t), 0},
+        .yaw = 0.4,
+        .pitch = -0.2,
+        .fov_vertical = 1};
+    double ground_q = 0;
+    assert_true(terrain_truth_at(terrain, camera.eye_m[0], camera.eye_m[1], &ground_q, NULL));
+    camera.eye_m[2] = ground_q * hills.quantum_m + 60;
+    struct view view;
+    view_init(&view, terrain, &camera, WIDTH, HEIGHT, 0);
+    return view;
+}
+
+// Triangles drawn a frame, on the mean over a flight; what each frame draws goes into *sum.
+static double mean_triangles(struct fixture *f, struct renderer *renderer, const struct terrain *terrain,
+                             int frames, uint64_t *sum)
+{
+    double mean = 0;
+    for (int frame = 0; frame < frames; frame++) {
+        struct view view = on_the_way(terrain, (double)frame / frames);
+        for (int again = 0; again < 1 + frame % 2; again++)
+            fly(renderer, frame, &view); // spends nothing more
+        capture_chosen(f, renderer, terrain, &view, hash_triangles, sum);
+        mean += (double)triangles(renderer) / frames;
+    }
+    return mean;
+}
+
+static void faster_flights_draw_less(void **state)
+{
+    struct fixture *f = *state;
+    struct terrain *terrain = test_terrain(&hills);
+    static const int frames[] = {400, 100, 25};
+    double before = INFINITY;
+    struct renderer *other = create(f, terrain, "n=31 cull=off budget=400");
+    for (int i = 0; i < 3; i++) {
+        struct renderer *renderer = create(f, terrain, "n=31 cull=off budget=400");
+        uint64_t first = 1, second = 1, elsewhere = 1;
+        double mean = mean_triangles(f, renderer, terrain, frames[i], &first);
+        mean_triangles(f, renderer, terrain, frames[i], &second);
+        mean_triangles(f, other, terrain, frames[i], &elsewhere); // it has flown differently before
+        FIGURE("budget, n=31: over the map in %d frames: %.0f triangles a frame", frames[i], mean);
+        assert_int_equal(first, second);
+        assert_int_equal(first, elsewhere);
+        assert_true(mean < before);
+        before = mean;
+        clipmap_renderer.destroy(renderer);
+    }
+    clipmap_renderer.destroy(other);
+    terrain_destroy(terrain);
+}
+
+static void budgets_that_do_not_serve_are_refused(void **state)
+{
+    struct fixture *f = *state;
+    struct terrain *terrain = test_terrain(&hills);
+    struct renderer_desc desc = {
+        .gpu = f->gpu, .terrain = terrain, .effects = &effects, .width = WIDTH, .height = HEIGHT};
+    renderer_default_knobs(&clipmap_renderer, desc.knobs);
+    desc.knobs[renderer_knob_index(&clipmap_renderer, "budget")] = 100;
+    assert_null(clipmap_renderer.create(&desc));
+    terrain_destroy(terrain);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(budgeted_frames_have_no_holes),
+        cmocka_unit_test(faster_flights_draw_less),
+        cmocka_unit_test(budgets_that_do_not_serve_are_refused),
+    };
+    return cmocka_run_group_tests(tests, setup, teardown);
+}
