@@ -16,7 +16,7 @@ enum { N = 255, FRAMES = 24, UPDATES_A_REPEAT = 50 };
 
 // ---- Table 1: a full level ---------------------------------------------------------------------
 
-enum step { STEP_PREDICT, STEP_SYNTHESISE, STEP_PAIR, STEP_UPLOAD, STEPS };
+enum step { STEP_PREDICT, STEP_SYNTHESISE, STEP_PAIR, STEP_BOUND, STEP_UPLOAD, STEPS };
 
 struct refill { // of N x N samples of the finest level, as if it were not in memory
     struct papers *papers;
@@ -25,17 +25,23 @@ struct refill { // of N x N samples of the finest level, as if it were not in me
     double noise_q;
     int32_t *predicting; // samples of the coarser level that U reads
     struct clipmap_scratch scratch;
+    struct clipmap_store store; // for its bounds
     GLuint texture;
 };
 
 static bool refill_init(struct refill *refill, struct papers *papers, const struct terrain *terrain)
 {
     int level = terrain_info(terrain)->finest;
-    *refill = (struct refill){papers, terrain, level, terrain_level(terrain, level).noise_q, NULL, {0}, 0};
+    *refill = (struct refill){.papers = papers,
+                              .terrain = terrain,
+                              .level = level,
+                              .noise_q = terrain_level(terrain, level).noise_q};
     size_t side = (size_t)upsample_coarse_size(1, N);
     refill->predicting = malloc(side * side * sizeof *refill->predicting);
     if (!refill->predicting) return fail("papers: out of memory");
-    if (!clipmap_scratch_init(&refill->scratch, N)) return false;
+    if (!clipmap_scratch_init(&refill->scratch, N) ||
+        !clipmap_store_init(&refill->store, terrain, level, true, N))
+        return false;
     glGenTextures(1, &refill->texture);
     glBindTexture(GL_TEXTURE_2D_ARRAY, refill->texture);
     glTexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_RG32F, N, N, 1, 0, GL_RG, GL_FLOAT, NULL);
@@ -46,10 +52,11 @@ static void refill_finish(struct refill *refill)
 {
     free(refill->predicting);
     clipmap_scratch_finish(&refill->scratch);
+    clipmap_store_finish(&refill->store);
     if (refill->texture) glDeleteTextures(1, &refill->texture);
 }
 
-static void predict(const struct refill *refill, const struct clipmap_box *box)
+static void predict(struct refill *refill, const struct clipmap_box *box)
 {
     int columns = upsample_coarse_size(box->lo[0], N), rows = upsample_coarse_size(box->lo[1], N);
     terrain_window(refill->terrain, refill->level + 1, clipmap_floor_div(box->lo[0], 2) - 1,
@@ -57,14 +64,14 @@ static void predict(const struct refill *refill, const struct clipmap_box *box)
     upsample(refill->predicting, box->lo[0], box->lo[1], N, N, refill->scratch.fine);
 }
 
-static void synthesise(const struct refill *refill, const struct clipmap_box *box)
+static void synthesise(struct refill *refill, const struct clipmap_box *box)
 {
     for (int y = 0; y < N; y++)
         synthesis_add_row(refill->scratch.fine + (ptrdiff_t)y * N, N, box->lo[0], box->lo[1] + y,
                           refill->level, PAPERS_SEED, refill->noise_q);
 }
 
-static void pair(const struct refill *refill, const struct clipmap_box *box)
+static void pair(struct refill *refill, const struct clipmap_box *box)
 {
     struct clipmap_box under = clipmap_under(box);
     terrain_window(refill->terrain, refill->level + 1, under.lo[0], under.lo[1],
@@ -73,7 +80,12 @@ static void pair(const struct refill *refill, const struct clipmap_box *box)
     clipmap_pair(box, true, &refill->scratch);
 }
 
-static void upload(const struct refill *refill, const struct clipmap_box *box)
+static void bound(struct refill *refill, const struct clipmap_box *box)
+{
+    clipmap_store_bound(&refill->store, box);
+}
+
+static void upload(struct refill *refill, const struct clipmap_box *box)
 {
     (void)box;
     gpu_texture_sub_image(refill->papers->gpu, GL_TEXTURE_2D_ARRAY, 0, 0, 0, N, N, GL_RG, GL_FLOAT,
@@ -81,8 +93,8 @@ static void upload(const struct refill *refill, const struct clipmap_box *box)
     gpu_finish(refill->papers->gpu);
 }
 
-static void (*const steps[STEPS])(const struct refill *, const struct clipmap_box *) = {predict, synthesise,
-                                                                                        pair, upload};
+static void (*const steps[STEPS])(struct refill *, const struct clipmap_box *) = {predict, synthesise, pair,
+                                                                                  bound, upload};
 
 // A level somewhere on the map: each repeat finds other samples in other lines of the cache.
 static struct clipmap_box random_box(const struct refill *refill, struct random_state *random)
@@ -134,6 +146,7 @@ static void update_rows(struct papers_table *table, double *times, int count)
                 {"interpolatory subdivision U", 3, STEP_PREDICT},
                 {"decompression", 8, -1},
                 {"synthesis", 3, STEP_SYNTHESISE},
+                {"bounds of heights, for culling", NAN, STEP_BOUND},
                 {"upload to video memory", 2, STEP_UPLOAD},
                 {"normal map computation", 11, -1},
                 {"total, with synthesis", 21, STEPS}};

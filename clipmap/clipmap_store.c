@@ -44,29 +44,36 @@ void clipmap_scratch_finish(struct clipmap_scratch *scratch)
     *scratch = (struct clipmap_scratch){NULL, NULL, NULL};
 }
 
-// Height of the coarser surface, doubled so that it stays an integer, at sample (i, j), counted from the
-// coarse sample `c`, `odd` telling where in the coarse cell.
-static float surface_between(const int32_t *c, int stride, int odd_x, int odd_y)
+// One row: z_c is half the sum of the coarse samples at both ends of the coarse edge or diagonal that the
+// sample stands on.  `here` and `there`: the coarse rows of these ends, one and the same on even rows.
+static void pair_row(const int32_t *fine, const int32_t *here, const int32_t *there, int odd_x0, int width,
+                     float (*out)[2])
 {
-    return (float)(c[0] + c[odd_y * stride + odd_x]) * 0.5f;
+    for (int x = 0; x < width; x++) out[x][0] = (float)fine[x];
+    for (int x = odd_x0; x < width; x += 2) { // even samples
+        int i = (x + odd_x0) / 2;
+        out[x][1] = (float)(here[i] + there[i]) * 0.5f;
+    }
+    for (int x = 1 - odd_x0; x < width; x += 2) {
+        int i = (x + odd_x0) / 2;
+        out[x][1] = (float)(here[i] + there[i + 1]) * 0.5f;
+    }
 }
 
 void clipmap_pair(const struct clipmap_box *box, bool morphs, const struct clipmap_scratch *scratch)
 {
     int width = (int)(box->hi[0] - box->lo[0] + 1), height = (int)(box->hi[1] - box->lo[1] + 1);
     struct clipmap_box under = clipmap_under(box);
-    int stride = (int)(under.hi[0] - under.lo[0] + 1);
+    ptrdiff_t stride = (ptrdiff_t)(under.hi[0] - under.lo[0] + 1);
     int odd_x0 = (int)(box->lo[0] - 2 * under.lo[0]), odd_y0 = (int)(box->lo[1] - 2 * under.lo[1]);
     for (int y = 0; y < height; y++) {
-        const int32_t *fine = scratch->fine + (size_t)y * (size_t)width;
-        const int32_t *coarse = scratch->coarse + (size_t)((y + odd_y0) / 2) * (size_t)stride;
-        float(*out)[2] = scratch->pairs + (size_t)y * (size_t)width;
-        for (int x = 0; x < width; x++) {
-            out[x][0] = (float)fine[x];
-            out[x][1] = morphs ? surface_between(coarse + (x + odd_x0) / 2, stride, (x + odd_x0) & 1,
-                                                 (y + odd_y0) & 1)
-                               : out[x][0];
-        }
+        const int32_t *fine = scratch->fine + (ptrdiff_t)y * width;
+        const int32_t *here = scratch->coarse + (y + odd_y0) / 2 * stride;
+        float(*out)[2] = scratch->pairs + (ptrdiff_t)y * width;
+        if (morphs)
+            pair_row(fine, here, here + ((y + odd_y0) & 1) * stride, odd_x0, width, out);
+        else
+            for (int x = 0; x < width; x++) out[x][0] = out[x][1] = (float)fine[x];
     }
 }
 
@@ -120,7 +127,7 @@ static void bound_tile(struct clipmap_store *store, int64_t x, int64_t y)
     widen(&tile->range, coarse);
 }
 
-static void bound_tiles(struct clipmap_store *store, const struct clipmap_box *box)
+void clipmap_store_bound(struct clipmap_store *store, const struct clipmap_box *box)
 {
     for (int64_t y = clipmap_floor_div(box->lo[1], TILE); y * TILE <= box->hi[1]; y++)
         for (int64_t x = clipmap_floor_div(box->lo[0], TILE); x * TILE <= box->hi[0]; x++)
@@ -144,7 +151,7 @@ uint64_t clipmap_store_move(struct clipmap_store *store, const struct clipmap_bo
                   (const float(*)[2])scratch->pairs);
         }
         samples += clipmap_box_samples(&exposed[i]);
-        bound_tiles(store, &exposed[i]);
+        clipmap_store_bound(store, &exposed[i]);
     }
     store->clip = now;
     return samples;

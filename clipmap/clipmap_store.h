@@ -53,9 +53,11 @@ uint64_t clipmap_store_move(struct clipmap_store *store, const struct clipmap_bo
 void clipmap_store_read(const struct clipmap_store *store, const struct clipmap_box *box,
                         const struct clipmap_scratch *scratch);
 
-// Its two halves: the samples of the coarser level that a box needs, and the pairs of a box out of
+// What a move does with a box, part by part: the samples of the coarser level that a box needs, the bounds
+// for culling of the squares that meet it (those in memory already are kept), and the pairs of a box out of
 // scratch->fine (the box's samples) and, when the level morphs, scratch->coarse (those of clipmap_under).
 struct clipmap_box clipmap_under(const struct clipmap_box *box);
+void clipmap_store_bound(struct clipmap_store *store, const struct clipmap_box *box);
 void clipmap_pair(const struct clipmap_box *box, bool morphs, const struct clipmap_scratch *scratch);
 
 // Bounds of z and z_c over a box within the clip region; at most 7 samples looser on each side.  A function

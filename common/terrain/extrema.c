@@ -106,11 +106,12 @@ void extrema_bounds(const struct terrain_extrema *extrema, const int32_t *sample
                     const int64_t from[2], const int64_t to[2], int32_t *min_q, int32_t *max_q)
 {
     enum { DIRECT = 16 }; // up to so many samples a side are read one by one
-    *min_q = INT32_MAX, *max_q = INT32_MIN;
+    int32_t low = INT32_MAX, high = INT32_MIN;
     int64_t side = larger(to[0] - from[0], to[1] - from[1]) + 1;
     if (side <= DIRECT) {
         for (int64_t y = from[1]; y <= to[1]; y++)
-            for (int64_t x = from[0]; x <= to[0]; x++) widen(samples[y * width + x], min_q, max_q);
+            for (int64_t x = from[0]; x <= to[0]; x++) widen(samples[y * width + x], &low, &high);
+        *min_q = low, *max_q = high;
         return;
     }
     int k = 0; // the height at which about eight nodes span the longer side, if there are such
@@ -122,9 +123,10 @@ void extrema_bounds(const struct terrain_extrema *extrema, const int32_t *sample
     int64_t y_end = smaller(larger(from[1], to[1] - 1) >> k, nodes->height - 1);
     for (int64_t y = smaller(from[1] >> k, y_end); y <= y_end; y++)
         for (int64_t x = smaller(from[0] >> k, x_end); x <= x_end; x++) {
-            widen(nodes->min_q[y * nodes->width + x], min_q, max_q);
-            widen(nodes->max_q[y * nodes->width + x], min_q, max_q);
+            widen(nodes->min_q[y * nodes->width + x], &low, &high);
+            widen(nodes->max_q[y * nodes->width + x], &low, &high);
         }
+    *min_q = low, *max_q = high;
 }
 
 size_t extrema_bytes(const struct terrain_extrema *extrema)
