@@ -12,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SAMPLING_BINDING = 1, HEIGHTS_UNIT = 0 };
+enum { SAMPLING_BINDING = 1, ROWS_BINDING = 2, HEIGHTS_UNIT = 0 };
 
 enum knob {
     KNOB_ROWS,
@@ -26,6 +26,11 @@ enum knob {
     KNOB_SPREAD,
     KNOB_BIAS,
     KNOB_FILTER,
+    KNOB_FETCH,
+    KNOB_TEXTURES,
+    KNOB_MEMORY,
+    KNOB_BUDGET,
+    KNOB_MAPPING,
     KNOB_CULL,
     KNOB_FACES,
 };
@@ -52,6 +57,17 @@ static const struct renderer_knob knobs[] = {
      PGM_SPREAD_NEAR, 0, 2, "far|mean|near"},
     {"bias", "levels added to the level of detail: blur for aliasing", 0, -8, 8, NULL},
     {"filter", "how a level is read between samples", 2, 0, 2, "nearest|bilinear|triangle"},
+    {"fetch",
+     "what a texel holds: one height, or all that a vertex blends; or mipmaps that the hardware makes and "
+     "filters",
+     PGM_FETCH_PLAIN, 0, 2, "plain|packed|mipmap"},
+    {"textures", "all levels in one texture, or one texture each, chosen by branching", 0, 0, 1,
+     "atlas|many"},
+    {"memory", "MiB of heights on the GPU, beyond which levels are tiles about the viewer; 0: no limit", 256,
+     0, 65536, NULL},
+    {"budget", "KiB of heights uploaded a frame at most, once flying", 1024, 64, 1048576, NULL},
+    {"mapping", "grid to ground: Equation 1 as printed in world coordinates, or relative to the eye", 1, 0, 1,
+     "published|stable"},
     {"cull", "leave out tiles of the grid outside the view: few, as the rows fit the view already", 0, 0, 1,
      "off|on"},
     {"faces",
@@ -64,22 +80,28 @@ static const struct renderer_knob knobs[] = {
 static const double quick[] = {150, 210, 300, 424, 600, NAN};
 static const double full[] = {150, 180, 210, 250, 300, 360, 424, 500, 600, 768, NAN};
 
-// The uniform block `sampling`, std140.
+// The uniform blocks `sampling` and `grid_rows`, std140.
 struct sampling_block {
     float axes[4];
+    float eye[4];
     int32_t base[4];
     float cells[PGM_LEVELS_MAX][4];
     int32_t slots[PGM_LEVELS_MAX][4];
     int32_t eyes[PGM_LEVELS_MAX][4];
+    int32_t tiles[PGM_LEVELS_MAX][4];
+};
+struct rows_block {
     float rows[PGM_ROWS_MAX + 1][4];
 };
-_Static_assert(sizeof(struct sampling_block) <= 16384, "what OpenGL 3.3 grants a uniform block");
+_Static_assert(sizeof(struct sampling_block) <= 16384 && sizeof(struct rows_block) <= 16384,
+               "what OpenGL 3.3 grants a uniform block");
 
 // What update() chose for a view.
 struct selection {
     struct pgm_sampler sampler;
-    GLuint buffer; // its uniform block
-    int draws;     // runs of tiles
+    GLuint sampling, rows; // its uniform blocks
+    int coarsened;         // rows that read a coarser level than their own, which is not in memory here
+    int draws;             // runs of tiles
     uint64_t triangles;
     double share_below; // of rows that lie below the screen's lower edge on the sampling plane
     GLsizei *counts;
@@ -96,10 +118,12 @@ struct pgm {
     struct gpu_program programs[PASS_COUNT];
     GLuint vertex_array, vertex_buffer, index_buffer;
     size_t grid_bytes;
+    uint64_t refilled_bytes; // of heights, this frame
     int tiles;
     GLint *base_vertices; // zeros, one for each tile
     struct pgm_row rows[PGM_ROWS_MAX + 1];
     struct sampling_block block;
+    struct rows_block rows_block;
     struct selection selections[RENDERER_MAX_VIEWS];
 };
 
@@ -121,6 +145,16 @@ static void read_settings(struct pgm *pgm)
     s->lod_bias = k[KNOB_BIAS];
     pgm->cull = k[KNOB_CULL] > 0;
     pgm->front_only = k[KNOB_FACES] > 0;
+}
+
+static struct pgm_storage read_storage(const struct pgm *pgm)
+{
+    const double *k = pgm->desc.knobs;
+    return (struct pgm_storage){.fetch = (enum pgm_fetch)k[KNOB_FETCH],
+                                .many = k[KNOB_TEXTURES] > 0,
+                                .memory_bytes = (size_t)(k[KNOB_MEMORY] * 1048576),
+                                .budget_bytes = (size_t)(k[KNOB_BUDGET] * 1024),
+                                .most_texels = gpu_info(pgm->desc.gpu)->max_texture_size};
 }
 
 // Highest of all levels in a rectangle: where filtering overshoots, a coarser level stands higher than the
@@ -163,22 +197,52 @@ static void describe_world(struct pgm *pgm)
     world->user = pgm->desc.terrain;
 }
 
-static bool build_programs(struct pgm *pgm)
+// Statements that set `height`: a texture for each level, and a branch to each.
+static void write_branches(const struct pgm *pgm, char *out, size_t size)
+{
+    size_t used = (size_t)snprintf(out, size, "#define LEVELS %d\n#define MANY ", pgm->atlas.levels);
+    for (int k = 0; k < pgm->atlas.levels && used < size; k++)
+        used += (size_t)snprintf(out + used, size - used,
+                                 "%sif (level == %d) height = texelFetch(heights[%d], texel, 0).r;",
+                                 k ? " else " : "", k, k);
+    if (used < size) snprintf(out + used, size - used, "\n");
+}
+
+static void write_defines(const struct pgm *pgm, char *out, size_t size)
 {
     static const char *const filters[] = {"FILTER_NEAREST", "FILTER_BILINEAR", "FILTER_TRIANGLE"};
-    char defines[256];
-    snprintf(defines, sizeof defines, "#define LEVELS_MAX %d\n#define ROWS_MAX %d\n#define %s\n%s",
-             PGM_LEVELS_MAX, PGM_ROWS_MAX, filters[(int)pgm->desc.knobs[KNOB_FILTER]],
-             pgm->settings.lod == PGM_LOD_PUBLISHED ? "#define WEIGHT_PUBLISHED\n" : "");
+    static const char *const fetches[] = {"FETCH_PLAIN", "FETCH_PACKED", "FETCH_MIPMAP"};
+    const double *knob = pgm->desc.knobs;
+    size_t used = (size_t)snprintf(
+        out, size, "#define LEVELS_MAX %d\n#define ROWS_MAX %d\n#define %s\n#define %s\n%s%s%s%s",
+        PGM_LEVELS_MAX, PGM_ROWS_MAX, filters[(int)knob[KNOB_FILTER]], fetches[(int)knob[KNOB_FETCH]],
+        pgm->atlas.narrow ? "" : "#define WIDE\n", pgm_atlas_is_whole(&pgm->atlas) ? "" : "#define TILED\n",
+        pgm->settings.lod == PGM_LOD_PUBLISHED ? "#define WEIGHT_PUBLISHED\n" : "",
+        knob[KNOB_MAPPING] > 0 ? "" : "#define MAPPING_PUBLISHED\n");
+    if (pgm->atlas.storage.many && used < size) write_branches(pgm, out + used, size - used);
+}
+
+static void bind_names(struct pgm *pgm, GLuint program)
+{
+    glUniformBlockBinding(program, glGetUniformBlockIndex(program, "sampling"), SAMPLING_BINDING);
+    glUniformBlockBinding(program, glGetUniformBlockIndex(program, "grid_rows"), ROWS_BINDING);
+    GLint units[PGM_TEXTURES_MAX];
+    for (int i = 0; i < PGM_TEXTURES_MAX; i++) units[i] = HEIGHTS_UNIT + i;
+    int count = pgm->atlas.storage.many ? pgm->atlas.levels : 1;
+    glUniform1iv(glGetUniformLocation(program, "heights"), count, units);
+}
+
+static bool build_programs(struct pgm *pgm)
+{
+    char defines[4096];
+    write_defines(pgm, defines, sizeof defines);
     for (int pass = 0; pass < PASS_COUNT; pass++) {
         struct gpu_program *program = &pgm->programs[pass];
         if (!gpu_program_build(pgm->desc.gpu, program, "pgm/pgm.vert", defines, pgm->desc.effects,
                                (enum render_pass)pass))
             return false;
-        glUniformBlockBinding(program->name, glGetUniformBlockIndex(program->name, "sampling"),
-                              SAMPLING_BINDING);
         gpu_use_program(pgm->desc.gpu, program);
-        glUniform1i(glGetUniformLocation(program->name, "heights"), HEIGHTS_UNIT);
+        bind_names(pgm, program->name);
     }
     return true;
 }
@@ -221,9 +285,12 @@ static bool init_selections(struct pgm *pgm)
         selection->counts = malloc(tiles * sizeof *selection->counts);
         selection->firsts = malloc(tiles * sizeof *selection->firsts);
         good = good && selection->counts && selection->firsts;
-        glGenBuffers(1, &selection->buffer);
-        glBindBuffer(GL_UNIFORM_BUFFER, selection->buffer);
+        glGenBuffers(1, &selection->sampling);
+        glBindBuffer(GL_UNIFORM_BUFFER, selection->sampling);
         gpu_buffer_data(pgm->desc.gpu, GL_UNIFORM_BUFFER, sizeof pgm->block, NULL, GL_DYNAMIC_DRAW);
+        glGenBuffers(1, &selection->rows);
+        glBindBuffer(GL_UNIFORM_BUFFER, selection->rows);
+        gpu_buffer_data(pgm->desc.gpu, GL_UNIFORM_BUFFER, sizeof pgm->rows_block, NULL, GL_DYNAMIC_DRAW);
     }
     return good || fail("pgm: out of memory for %d tiles", pgm->tiles);
 }
@@ -235,7 +302,8 @@ static void pgm_destroy(struct renderer *renderer)
     for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {
         free(pgm->selections[i].counts);
         free(pgm->selections[i].firsts);
-        if (pgm->selections[i].buffer) glDeleteBuffers(1, &pgm->selections[i].buffer);
+        if (pgm->selections[i].sampling) glDeleteBuffers(1, &pgm->selections[i].sampling);
+        if (pgm->selections[i].rows) glDeleteBuffers(1, &pgm->selections[i].rows);
     }
     free(pgm->base_vertices);
     if (pgm->vertex_array) glDeleteVertexArrays(1, &pgm->vertex_array);
@@ -253,8 +321,9 @@ static struct renderer *pgm_create(const struct renderer_desc *desc)
     pgm->renderer.type = &pgm_renderer;
     pgm->desc = *desc;
     read_settings(pgm);
-    if (!pgm_atlas_init(&pgm->atlas, desc->gpu, desc->terrain) || !build_programs(pgm) || !upload_grid(pgm) ||
-        !init_selections(pgm)) {
+    struct pgm_storage storage = read_storage(pgm);
+    if (!pgm_atlas_init(&pgm->atlas, desc->gpu, desc->terrain, &storage) || !build_programs(pgm) ||
+        !upload_grid(pgm) || !init_selections(pgm)) {
         pgm_destroy(&pgm->renderer);
         return NULL;
     }
@@ -279,11 +348,10 @@ static double ground_under(const struct terrain *terrain, const double eye_m[3])
     return info->quantum_m * height_q + info->offset_m;
 }
 
-static int32_t texel_of(int64_t sample, int64_t first, int slot)
+static int32_t near_zero(int64_t cells)
 {
     const int64_t far = (int64_t)1 << 30; // an eye far off the map; the program clamps anyway
-    int64_t texel = sample - first;
-    return (int32_t)(texel < -far ? -far : texel > far ? far : texel) + slot;
+    return (int32_t)(cells < -far ? -far : cells > far ? far : cells);
 }
 
 static void fill_levels(struct pgm *pgm, const struct view *view)
@@ -292,16 +360,22 @@ static void fill_levels(struct pgm *pgm, const struct view *view)
     struct sampling_block *block = &pgm->block;
     for (int k = 0; k < pgm->atlas.levels; k++) {
         const struct pgm_slot *slot = &pgm->atlas.slots[k];
-        struct view_origin origin = view_level_origin(view, pgm->atlas.finest + k);
-        const int corner[2] = {slot->x, slot->y};
-        const int64_t first[2] = {slot->extent.x0, slot->extent.y0},
-                      end[2] = {slot->extent.x1, slot->extent.y1};
+        const struct pgm_window *window = &slot->window;
+        struct view_origin eye = view_level_origin(view, pgm->atlas.finest + k);
+        int64_t origin[2];
+        pgm_window_origin(window, origin);
+        const int64_t first[2] = {window->held.x0, window->held.y0},
+                      end[2] = {window->held.x1, window->held.y1};
+        const int corner[2] = {slot->x, slot->y}, sides[2] = {window->width, window->height};
         for (int axis = 0; axis < 2; axis++) {
             block->cells[k][axis] = (float)(1 / ldexp(info->spacing_m[axis], pgm->atlas.finest + k));
-            block->cells[k][axis + 2] = origin.fraction[axis];
-            block->slots[k][axis] = corner[axis];
-            block->slots[k][axis + 2] = corner[axis] + (int32_t)(end[axis] - first[axis] - 1);
-            block->eyes[k][axis] = texel_of(origin.base[axis], first[axis], corner[axis]);
+            block->cells[k][axis + 2] = eye.fraction[axis];
+            block->slots[k][axis] = near_zero(first[axis] - origin[axis]);
+            block->slots[k][axis + 2] = near_zero(end[axis] - 1 - origin[axis]);
+            block->eyes[k][axis] = near_zero(eye.base[axis] - origin[axis]);
+            block->eyes[k][axis + 2] = corner[axis];
+            block->tiles[k][axis] = sides[axis];
+            block->tiles[k][axis + 2] = (int32_t)(origin[axis] & 1);
         }
     }
 }
@@ -313,6 +387,8 @@ static void fill_block(struct pgm *pgm, const struct pgm_sampler *sampler, const
         block->axes[axis] = (float)sampler->forward[axis];
         block->axes[axis + 2] = (float)sampler->right[axis];
     }
+    for (int axis = 0; axis < 3; axis++) block->eye[axis] = (float)view->eye_m[axis];
+    block->eye[3] = (float)sampler->height_m;
     block->base[0] = pgm->atlas.base_q;
     block->base[1] = pgm->atlas.levels - 1;
     fill_levels(pgm, view);
@@ -322,8 +398,41 @@ static void fill_block(struct pgm *pgm, const struct pgm_sampler *sampler, const
                         : row->range_m > 0                     ? 1 / row->range_m
                                                                : 0;
         const double values[4] = {row->forward_m, row->half_width_m, row->level, weight};
-        for (int i = 0; i < 4; i++) block->rows[j][i] = (float)values[i];
+        for (int i = 0; i < 4; i++) pgm->rows_block.rows[j][i] = (float)values[i];
     }
+}
+
+// True where level k is in memory at all samples that a row reads.
+static bool row_is_held(const struct pgm *pgm, int k, const double low_m[2], const double high_m[2])
+{
+    const struct terrain_info *info = terrain_info(pgm->desc.terrain);
+    int64_t from[2], to[2];
+    for (int axis = 0; axis < 2; axis++) {
+        double spacing = ldexp(info->spacing_m[axis], pgm->atlas.finest + k);
+        from[axis] = (int64_t)fmin(fmax(floor(low_m[axis] / spacing) - 1, -0x1p60), 0x1p60);
+        to[axis] = (int64_t)fmin(fmax(floor(high_m[axis] / spacing) + 2, -0x1p60), 0x1p60);
+    }
+    return pgm_window_holds(&pgm->atlas.slots[k].window, from, to);
+}
+
+// Sends a row whose level is not in memory all along it to the finest level that is.
+static bool coarsen_row(const struct pgm *pgm, struct pgm_row *row, const struct pgm_sampler *sampler,
+                        const struct view *view)
+{
+    double low[2], high[2];
+    for (int axis = 0; axis < 2; axis++) {
+        double middle = view->eye_m[axis] + sampler->forward[axis] * row->forward_m;
+        double half = fabs(sampler->right[axis]) * row->half_width_m;
+        low[axis] = middle - half;
+        high[axis] = middle + half;
+    }
+    int level = row->level;
+    while (!row_is_held(pgm, row->level, low, high)) row->level++; // the coarsest is whole
+    bool parent = row->weight > 0 || row->range_m > 0;
+    bool blends = row->level == level && (!parent || pgm->atlas.storage.fetch == PGM_FETCH_PACKED ||
+                                          row_is_held(pgm, level + 1, low, high));
+    if (!blends) row->weight = row->range_m = 0;
+    return !blends;
 }
 
 // Box of a tile relative to the eye, over all heights that it may have.
@@ -390,15 +499,20 @@ static void update_view(struct pgm *pgm, struct selection *selection, const stru
     selection->draws = 0;
     selection->triangles = 0;
     selection->share_below = 0;
+    selection->coarsened = 0;
     pgm->world.ground_m = ground_under(pgm->desc.terrain, view->eye_m);
     pgm_sampler_aim(sampler, view, &pgm->world, &pgm->settings);
     if (sampler->empty) return;
     pgm_sampler_rows(sampler, &pgm->world, &pgm->settings, pgm->rows);
+    if (!pgm_atlas_is_whole(&pgm->atlas))
+        for (int j = 0; j <= pgm->settings.rows; j++)
+            selection->coarsened += coarsen_row(pgm, &pgm->rows[j], sampler, view);
     fill_block(pgm, sampler, view);
-    glBindBuffer(GL_UNIFORM_BUFFER, selection->buffer);
-    size_t used =
-        offsetof(struct sampling_block, rows) + sizeof pgm->block.rows[0] * (size_t)(pgm->settings.rows + 1);
-    gpu_buffer_sub_data(pgm->desc.gpu, GL_UNIFORM_BUFFER, 0, used, &pgm->block);
+    glBindBuffer(GL_UNIFORM_BUFFER, selection->sampling);
+    gpu_buffer_sub_data(pgm->desc.gpu, GL_UNIFORM_BUFFER, 0, sizeof pgm->block, &pgm->block);
+    glBindBuffer(GL_UNIFORM_BUFFER, selection->rows);
+    gpu_buffer_sub_data(pgm->desc.gpu, GL_UNIFORM_BUFFER, 0,
+                        sizeof pgm->rows_block.rows[0] * (size_t)(pgm->settings.rows + 1), &pgm->rows_block);
     selection->share_below = share_below(pgm, sampler);
     if (pgm->cull)
         select_tiles(pgm, selection, view);
@@ -409,6 +523,10 @@ static void update_view(struct pgm *pgm, struct selection *selection, const stru
 static bool pgm_update(struct renderer *renderer, const struct view *views, int count)
 {
     struct pgm *pgm = (struct pgm *)renderer;
+    // Tiles follow the first viewer; another makes do with what it finds there.
+    uint64_t before = gpu_counters(pgm->desc.gpu).upload_bytes;
+    if (count > 0) pgm_atlas_follow(&pgm->atlas, pgm->desc.gpu, pgm->desc.terrain, &views[0]);
+    pgm->refilled_bytes = gpu_counters(pgm->desc.gpu).upload_bytes - before;
     for (int i = 0; i < count; i++) update_view(pgm, &pgm->selections[i], &views[i]);
     return true;
 }
@@ -421,9 +539,12 @@ static void pgm_draw(struct renderer *renderer, int view_index, enum render_pass
     const struct selection *selection = &pgm->selections[view_index];
     if (selection->draws == 0) return;
     gpu_use_program(pgm->desc.gpu, &pgm->programs[pass]);
-    glBindBufferBase(GL_UNIFORM_BUFFER, SAMPLING_BINDING, selection->buffer);
-    glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
-    glBindTexture(GL_TEXTURE_2D, pgm->atlas.texture);
+    glBindBufferBase(GL_UNIFORM_BUFFER, SAMPLING_BINDING, selection->sampling);
+    glBindBufferBase(GL_UNIFORM_BUFFER, ROWS_BINDING, selection->rows);
+    for (int i = 0; i < (pgm->atlas.storage.many ? pgm->atlas.levels : 1); i++) {
+        glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT + (GLenum)i);
+        glBindTexture(GL_TEXTURE_2D, pgm->atlas.textures[i]);
+    }
     glBindVertexArray(pgm->vertex_array);
     if (pgm->front_only && pass != PASS_POSITION)
         glEnable(GL_CULL_FACE); // measuring looks for faces seen from below
@@ -446,12 +567,16 @@ static void pgm_stats(const struct renderer *renderer, struct renderer_stats *st
         .triangles = selection->triangles,
         .claimed_error_px = (double)NAN,
         .resident_bytes = pgm_atlas_bytes(&pgm->atlas) + pgm->grid_bytes +
-                          RENDERER_MAX_VIEWS * sizeof(struct sampling_block),
+                          RENDERER_MAX_VIEWS * (sizeof pgm->block + sizeof pgm->rows_block),
         .counters = {{"rows", pgm->settings.rows},
                      {"columns", pgm->settings.columns},
                      {"extension_degrees", selection->sampler.extension * degrees},
                      {"rows_below_screen", selection->share_below},
-                     {"below_base", selection->sampler.below_base}},
+                     {"below_base", selection->sampler.below_base},
+                     {"tile_side", pgm->atlas.side},
+                     {"atlas_bytes", (double)pgm_atlas_bytes(&pgm->atlas)},
+                     {"refilled_bytes", (double)pgm->refilled_bytes},
+                     {"rows_coarsened", selection->coarsened}},
     };
 }
 

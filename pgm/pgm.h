@@ -4,7 +4,8 @@
 //
 //   pgm_sampler   where the rows stand and which level they read; plain C
 //   pgm_mesh      vertices and indices of the grid; plain C
-//   pgm_atlas     the heights of all levels in one texture
+//   pgm_windows   which samples of each level are in texture memory; plain C
+//   pgm_atlas     the heights of all levels in one texture, or in one each
 //   pgm.vert      row table to place, place to height
 //   pgm.c         the renderer: a row table a frame, one draw
 //

@@ -1,58 +1,180 @@
 // Lays the persistent grid over the ground: row table to place, place to height.  Livny et al. 2008, sections 3.1 to 3.5.
-// FILTER_NEAREST, FILTER_BILINEAR or FILTER_TRIANGLE says how a level is read; WEIGHT_PUBLISHED takes Equation 7 as printed.
+//   FILTER_NEAREST, _BILINEAR, _TRIANGLE  how a level is read between samples
+//   FETCH_PACKED, _PLAIN, _MIPMAP         what a texel holds (pgm_atlas.h); WIDE: heights span more than 16 bits
+//   TILED                                 some levels are tiles about the viewer: their texels wrap
+//   MANY(level, texel)                    a texture for each level, chosen by branching
+//   MAPPING_PUBLISHED                     Equation 1 as printed; WEIGHT_PUBLISHED: Equation 7 as printed
 layout(location = 0) in vec2 grid; // row; X in [-1, 1]
 
 layout(std140) uniform sampling {
     vec4 axes;               // e_f, e_r
+    vec4 eye;                // the eye in the world; w: height over the sampling plane
     ivec4 base;              // x: quanta of texel 0; y: last slot
     vec4 cells[LEVELS_MAX];  // a level's cells in a metre, x and y; the eye's fraction of a cell
-    ivec4 slots[LEVELS_MAX]; // its first and last texel
-    ivec4 eyes[LEVELS_MAX];  // texel of the cell that the eye is in
+    ivec4 slots[LEVELS_MAX]; // first and last sample, counted from the tile's origin
+    ivec4 eyes[LEVELS_MAX];  // cell that the eye is in, counted so; the tile's texel in the atlas
+    ivec4 tiles[LEVELS_MAX]; // sides of the tile; the origin's sample, modulo 2
+};
+layout(std140) uniform grid_rows {
     vec4 rows[ROWS_MAX + 1]; // q, w, level, parent's weight (published: 1 / range)
 };
-uniform isampler2D heights;
 
-float fetch(ivec2 texel)
+// The cell of a level that a place is in.  Cells are counted from the one the eye is in, so that no digits are lost.
+// The border's cells go on for one cell beyond it: they hold triangles that the map's outline cuts.
+struct cell {
+    ivec2 corner; // south-west sample, counted from the tile's origin
+    vec2 part;    // of the cell
+};
+
+cell cell_at(int level, vec2 place)
 {
-    return float(texelFetch(heights, texel, 0).r + base.x);
+    vec2 from_eye = clamp(place * cells[level].xy + cells[level].zw, -1e9, 1e9);
+    ivec4 slot = slots[level];
+    ivec2 eye_cell = eyes[level].xy, corner = clamp(eye_cell + ivec2(floor(from_eye)), slot.xy, max(slot.zw - 1, slot.xy));
+    return cell(corner, clamp(from_eye - vec2(corner - eye_cell), -1.0, 2.0));
 }
 
-// Height of a level in quanta.  Cells are counted from the one the eye is in, so that no digits are lost.  The
-// border's cells go on for one cell beyond it: they hold triangles that the map's outline cuts.
-float level_height(int level, vec2 place)
+ivec2 texel_of(int level, ivec2 corner)
 {
-    vec2 cell = clamp(place * cells[level].xy + cells[level].zw, -1e9, 1e9);
-    ivec4 slot = slots[level];
-    ivec2 eye = eyes[level].xy;
-#if defined(FILTER_NEAREST)
-    return fetch(clamp(eye + ivec2(floor(cell + 0.5)), slot.xy, slot.zw));
-#else
-    ivec2 texel = clamp(eye + ivec2(floor(cell)), slot.xy, max(slot.zw - 1, slot.xy));
-    ivec2 next = min(texel + 1, slot.zw);
-    vec2 part = clamp(cell - vec2(texel - eye), -1.0, 2.0);
-    float near_corner = fetch(texel), far_corner = fetch(next);
-#if defined(FILTER_BILINEAR)
-    float east = fetch(ivec2(next.x, texel.y)), north = fetch(ivec2(texel.x, next.y));
-    float south_edge = near_corner + part.x * (east - near_corner);
-    float north_edge = north + part.x * (far_corner - north);
-    return south_edge + part.y * (north_edge - south_edge);
-#else
-    float corner = fetch(part.x >= part.y ? ivec2(next.x, texel.y) : ivec2(texel.x, next.y));
-    return near_corner + max(part.x, part.y) * (corner - near_corner) + min(part.x, part.y) * (far_corner - corner);
+#if defined(TILED)
+    ivec2 side = tiles[level].xy;
+    corner -= side * ivec2(greaterThanEqual(corner, side));
 #endif
+    return corner + eyes[level].zw;
+}
+
+#if defined(FILTER_NEAREST)
+float filtered(vec4 corners, vec2 part) // corners: south-west, south-east, north-west, north-east
+{
+    vec2 row = part.y >= 0.5 ? corners.zw : corners.xy;
+    return part.x >= 0.5 ? row.y : row.x;
+}
+#elif defined(FILTER_BILINEAR)
+float filtered(vec4 corners, vec2 part)
+{
+    vec2 west_east = corners.xz + part.x * (corners.yw - corners.xz);
+    return west_east.x + part.y * (west_east.y - west_east.x);
+}
+#else
+float filtered(vec4 corners, vec2 part)
+{
+    float corner = part.x >= part.y ? corners.y : corners.z;
+    return corners.x + max(part.x, part.y) * (corner - corners.x) + min(part.x, part.y) * (corners.w - corner);
+}
+#endif
+
+#if defined(FETCH_PACKED)
+#if defined(WIDE)
+uniform isampler2D heights;
+#else
+uniform usampler2D heights;
+
+vec4 unpacked(uvec2 pairs)
+{
+    ivec2 both = ivec2(pairs);
+    return vec4(ivec4(both << 16 >> 16, both >> 16).xzyw);
+}
+#endif
+
+// The parent's cell has twice the side: this one is its even or its odd half.
+float blended_height(int level, vec2 place, float weight)
+{
+    cell own = cell_at(level, place);
+    ivec2 texel = texel_of(level, own.corner);
+    ivec2 half_of_parent = level == base.y ? ivec2(0) : (own.corner + tiles[level].zw) & 1;
+    vec2 parent_part = level == base.y ? own.part : 0.5 * (own.part + vec2(half_of_parent));
+#if defined(WIDE)
+    vec4 corners = vec4(texelFetch(heights, ivec2(2 * texel.x, texel.y), 0));
+    vec4 parents = vec4(texelFetch(heights, ivec2(2 * texel.x + 1, texel.y), 0));
+#else
+    uvec4 packed_corners = texelFetch(heights, texel, 0);
+    vec4 corners = unpacked(packed_corners.xy), parents = unpacked(packed_corners.zw);
+#endif
+    float quanta = filtered(corners, own.part);
+    quanta += weight * (filtered(parents, parent_part) - quanta);
+    return quanta + float(base.x);
+}
+#elif defined(FETCH_MIPMAP)
+uniform sampler2D heights;
+
+// Boxes of 2 x 2 texels, blended by the hardware's sampler, which may weigh in 256 steps.
+float blended_height(int level, vec2 place, float weight)
+{
+    ivec4 slot = slots[0];
+    vec2 from_eye = clamp(place * cells[0].xy + cells[0].zw, -1e9, 1e9);
+    vec2 uv = (from_eye + vec2(eyes[0].xy) + 0.5) / vec2(slot.zw + 1);
+    return textureLod(heights, uv, float(level) + weight).r + float(base.x);
+}
+#else
+#if defined(MANY)
+uniform isampler2D heights[LEVELS];
+
+float fetch(int level, ivec2 corner)
+{
+    ivec2 texel = texel_of(level, corner);
+    int height = 0;
+    MANY
+    return float(height + base.x);
+}
+#else
+uniform isampler2D heights;
+
+float fetch(int level, ivec2 corner)
+{
+    return float(texelFetch(heights, texel_of(level, corner), 0).r + base.x);
+}
+#endif
+
+// Fetches the corners that its filter reads, and no others.
+float level_height(int level, cell at)
+{
+    ivec2 next = min(at.corner + 1, slots[level].zw);
+#if defined(FILTER_NEAREST)
+    return fetch(level, ivec2(at.part.x >= 0.5 ? next.x : at.corner.x, at.part.y >= 0.5 ? next.y : at.corner.y));
+#else
+    float south_west = fetch(level, at.corner), north_east = fetch(level, next);
+#if defined(FILTER_BILINEAR)
+    float south_east = fetch(level, ivec2(next.x, at.corner.y)), north_west = fetch(level, ivec2(at.corner.x, next.y));
+#else
+    bool south = at.part.x >= at.part.y;
+    float south_east = fetch(level, ivec2(south ? next.x : at.corner.x, south ? at.corner.y : next.y)), north_west = south_east;
+#endif
+    return filtered(vec4(south_west, south_east, north_west, north_east), at.part);
+#endif
+}
+
+float blended_height(int level, vec2 place, float weight)
+{
+    float quanta = level_height(level, cell_at(level, place));
+    int parent = min(level + 1, base.y);
+    // Written so that equal heights blend to exactly themselves.
+    if (weight != 0.0) quanta += weight * (level_height(parent, cell_at(parent, place)) - quanta);
+    return quanta;
+}
+#endif
+
+// Place on the sampling plane relative to the eye.
+vec2 place_of(vec4 row)
+{
+#if defined(MAPPING_PUBLISHED)
+    // Equation 1 in the world's coordinates, the grid at a distance of 1 m: digits cancel.
+    float scale = inversesqrt(row.x * row.x + grid.y * row.y * grid.y * row.y + eye.w * eye.w);
+    vec3 vertex = eye.xyz + scale * vec3(axes.xy * row.x + axes.zw * (grid.y * row.y), -eye.w);
+    float ground = eye.z - eye.w;
+    vec3 point = eye.xyz + (eye.z - ground) / (eye.z - vertex.z) * (vertex - eye.xyz);
+    return point.xy - eye.xy;
+#else
+    return axes.xy * row.x + axes.zw * (grid.y * row.y);
 #endif
 }
 
 vec3 relative_position()
 {
     vec4 row = rows[int(grid.x)];
-    vec2 place = axes.xy * row.x + axes.zw * (grid.y * row.y);
-    int level = int(row.z);
-    float quanta = level_height(level, place), weight = row.w;
+    vec2 place = place_of(row);
+    float weight = row.w;
 #if defined(WEIGHT_PUBLISHED)
     if (weight != 0.0) weight = length(place) * weight - 1.0;
 #endif
-    // Written so that equal heights blend to exactly themselves.
-    if (weight != 0.0) quanta += weight * (level_height(min(level + 1, base.y), place) - quanta);
-    return vec3(place, relative_height(quanta));
+    return vec3(place, relative_height(blended_height(int(row.z), place, weight)));
 }

@@ -4,44 +4,102 @@
 #include "common/report.h"
 
 #include <stdlib.h>
+#include <string.h>
 
-enum { STRIP_ROWS = 64 };
+enum { PIECE = 32768, SIDE_LEAST = 16 }; // texels of one upload; smallest tile worth having
 
-static int slot_width(const struct pgm_slot *slot)
+static int64_t smaller(int64_t a, int64_t b)
 {
-    return (int)(slot->extent.x1 - slot->extent.x0);
+    return a < b ? a : b;
 }
 
-static int slot_height(const struct pgm_slot *slot)
-{
-    return (int)(slot->extent.y1 - slot->extent.y0);
-}
-
-static int larger(int a, int b)
+static int64_t larger(int64_t a, int64_t b)
 {
     return a > b ? a : b;
 }
 
-// Coarser levels beside the finest one: in a column east of it, or in a row north of it.
-static void place_slots(struct pgm_atlas *atlas, bool column)
+static size_t texel_bytes(const struct pgm_atlas *atlas)
 {
-    int x = column ? slot_width(&atlas->slots[0]) : 0, y = column ? 0 : slot_height(&atlas->slots[0]);
-    atlas->width = slot_width(&atlas->slots[0]);
-    atlas->height = slot_height(&atlas->slots[0]);
-    for (int k = 1; k < atlas->levels; k++) {
-        struct pgm_slot *slot = &atlas->slots[k];
-        slot->x = x;
-        slot->y = y;
-        atlas->width = larger(atlas->width, x + slot_width(slot));
-        atlas->height = larger(atlas->height, y + slot_height(slot));
-        if (column)
-            y += slot_height(slot);
-        else
-            x += slot_width(slot);
+    switch (atlas->storage.fetch) {
+    case PGM_FETCH_PACKED:
+        return atlas->narrow ? 16 : 32;
+    case PGM_FETCH_MIPMAP:
+        return 4;
+    default:
+        return atlas->narrow ? 2 : 4;
     }
 }
 
-void pgm_atlas_layout(struct pgm_atlas *atlas, const struct terrain *terrain)
+// ---- layout ----------------------------------------------------------------
+
+// Columns from west to east, each as high as the finest level's tile at most; or rows, where that is wider
+// than high.
+static void place_slots(struct pgm_atlas *atlas)
+{
+    const struct pgm_window *first = &atlas->slots[0].window;
+    int turned = first->width > first->height; // 1: x and y change places
+    int most = turned ? first->width : first->height, at[2] = {0, 0}, breadth = 0;
+    bool alone = atlas->storage.many || atlas->storage.fetch == PGM_FETCH_MIPMAP; // in textures of their own
+    atlas->width = atlas->height = 0;
+    for (int k = 0; k < atlas->levels; k++) {
+        struct pgm_slot *slot = &atlas->slots[k];
+        int sizes[2] = {slot->window.width, slot->window.height};
+        if (at[1] + sizes[!turned] > most) at[0] += breadth, at[1] = 0, breadth = 0;
+        slot->x = alone ? 0 : at[turned];
+        slot->y = alone ? 0 : at[!turned];
+        at[1] += sizes[!turned];
+        breadth = (int)larger(breadth, sizes[turned]);
+        atlas->width = (int)larger(atlas->width, slot->x + sizes[0]);
+        atlas->height = (int)larger(atlas->height, slot->y + sizes[1]);
+    }
+}
+
+static void size_tiles(struct pgm_atlas *atlas, int64_t side)
+{
+    for (int k = 0; k < atlas->levels; k++) {
+        struct pgm_window *window = &atlas->slots[k].window;
+        window->width = (int)smaller(window->extent.x1 - window->extent.x0, side);
+        window->height = (int)smaller(window->extent.y1 - window->extent.y0, side);
+    }
+    place_slots(atlas);
+    atlas->side = (int)larger(atlas->slots[0].window.width, atlas->slots[0].window.height);
+}
+
+static size_t tile_bytes(const struct pgm_atlas *atlas)
+{
+    size_t texels = 0;
+    for (int k = 0; k < atlas->levels; k++)
+        texels += (size_t)atlas->slots[k].window.width * (size_t)atlas->slots[k].window.height;
+    return texels * texel_bytes(atlas);
+}
+
+size_t pgm_atlas_bytes(const struct pgm_atlas *atlas)
+{
+    if (atlas->storage.fetch == PGM_FETCH_MIPMAP || atlas->storage.many) return tile_bytes(atlas);
+    return (size_t)atlas->width * (size_t)atlas->height * texel_bytes(atlas);
+}
+
+bool pgm_atlas_is_whole(const struct pgm_atlas *atlas)
+{
+    for (int k = 0; k < atlas->levels; k++)
+        if (!pgm_window_is_whole(&atlas->slots[k].window)) return false;
+    return true;
+}
+
+// With tiles of this side: within memory and texture size, a line of each within a frame's budget, and the
+// coarsest level whole, so that there is always something to draw.
+static bool fits(struct pgm_atlas *atlas, int64_t side)
+{
+    const struct pgm_storage *storage = &atlas->storage;
+    size_tiles(atlas, side);
+    bool wide = atlas->storage.fetch == PGM_FETCH_PACKED && !atlas->narrow; // two texels a sample
+    return (storage->memory_bytes == 0 || pgm_atlas_bytes(atlas) <= storage->memory_bytes) &&
+           atlas->width * (wide ? 2 : 1) <= storage->most_texels && atlas->height <= storage->most_texels &&
+           (pgm_atlas_is_whole(atlas) || (size_t)side * texel_bytes(atlas) <= storage->budget_bytes) &&
+           pgm_window_is_whole(&atlas->slots[atlas->levels - 1].window);
+}
+
+static void describe_levels(struct pgm_atlas *atlas, const struct terrain *terrain)
 {
     const struct terrain_info *info = terrain_info(terrain);
     atlas->finest = info->finest;
@@ -50,77 +108,244 @@ void pgm_atlas_layout(struct pgm_atlas *atlas, const struct terrain *terrain)
     int32_t low = info->min_q, high = info->max_q;
     for (int k = 0; k < atlas->levels; k++) {
         struct terrain_level level = terrain_level(terrain, info->finest + k);
-        atlas->slots[k] = (struct pgm_slot){.extent = level.extent};
+        atlas->slots[k] = (struct pgm_slot){.window.extent = level.extent};
         if (level.min_q < low) low = level.min_q;
         if (level.max_q > high) high = level.max_q;
     }
-    place_slots(atlas, slot_width(&atlas->slots[0]) <= slot_height(&atlas->slots[0]));
     atlas->narrow = (int64_t)high - low <= UINT16_MAX;
-    atlas->base_q = atlas->narrow ? low - INT16_MIN : 0;
+    atlas->base_q = atlas->narrow && atlas->storage.fetch != PGM_FETCH_MIPMAP ? low - INT16_MIN : 0;
 }
 
-size_t pgm_atlas_bytes(const struct pgm_atlas *atlas)
+bool pgm_atlas_layout(struct pgm_atlas *atlas, const struct terrain *terrain,
+                      const struct pgm_storage *storage)
 {
-    return (size_t)atlas->width * (size_t)atlas->height * (atlas->narrow ? 2 : 4);
-}
-
-// `rows` rows of slot k from `row` on.  `narrow` has room for as many texels as `heights`.
-static void upload_strip(const struct pgm_atlas *atlas, struct gpu *gpu, const struct terrain *terrain, int k,
-                         int row, int rows, int32_t *heights, int16_t *narrow)
-{
-    const struct pgm_slot *slot = &atlas->slots[k];
-    int width = slot_width(slot);
-    size_t count = (size_t)width * (size_t)rows;
-    terrain_window(terrain, atlas->finest + k, slot->extent.x0, slot->extent.y0 + row, width, rows, heights,
-                   TERRAIN_WAIT);
-    if (atlas->narrow)
-        for (size_t i = 0; i < count; i++) narrow[i] = (int16_t)(heights[i] - atlas->base_q);
-    gpu_texture_sub_image(gpu, GL_TEXTURE_2D, -1, slot->x, slot->y + row, width, rows, GL_RED_INTEGER,
-                          atlas->narrow ? GL_SHORT : GL_INT, atlas->narrow ? (void *)narrow : heights);
-}
-
-static bool upload(const struct pgm_atlas *atlas, struct gpu *gpu, const struct terrain *terrain)
-{
-    size_t most = STRIP_ROWS * (size_t)slot_width(&atlas->slots[0]);
-    int32_t *heights = malloc(most * sizeof *heights);
-    int16_t *narrow = malloc(most * sizeof *narrow);
-    bool good = heights && narrow;
-    for (int k = 0; good && k < atlas->levels; k++) {
-        int height = slot_height(&atlas->slots[k]);
-        for (int row = 0; row < height; row += STRIP_ROWS)
-            upload_strip(atlas, gpu, terrain, k, row, height - row < STRIP_ROWS ? height - row : STRIP_ROWS,
-                         heights, narrow);
+    const char *name = terrain_info(terrain)->name;
+    atlas->storage = *storage;
+    describe_levels(atlas, terrain);
+    if (storage->many && atlas->levels > PGM_TEXTURES_MAX)
+        return fail("pgm: textures=many takes at most %d levels, but terrain %s has %d", PGM_TEXTURES_MAX,
+                    name, atlas->levels);
+    const struct terrain_extent *finest = &atlas->slots[0].window.extent;
+    int64_t too_large = larger(finest->x1 - finest->x0, finest->y1 - finest->y0);
+    if (fits(atlas, too_large)) return true;
+    if (storage->fetch == PGM_FETCH_MIPMAP)
+        return fail(
+            "pgm: fetch=mipmap holds the whole terrain %s, which takes %zu bytes in a texture of %d x "
+            "%d; accepted are %zu bytes (memory=) and %d texels a side",
+            name, pgm_atlas_bytes(atlas), atlas->width, atlas->height, storage->memory_bytes,
+            storage->most_texels);
+    int64_t side = SIDE_LEAST;
+    if (!fits(atlas, side))
+        return fail("pgm: terrain %s needs tiles of at least %d texels, %zu bytes for %d levels: memory= is "
+                    "too small",
+                    name, SIDE_LEAST, pgm_atlas_bytes(atlas), atlas->levels);
+    while (too_large - side > 1) {
+        int64_t middle = side + (too_large - side) / 2;
+        if (fits(atlas, middle))
+            side = middle;
+        else
+            too_large = middle;
     }
-    free(heights);
-    free(narrow);
-    return good || fail("pgm: out of memory for a strip of heights");
+    return fits(atlas, side);
+}
+
+// ---- texels ----------------------------------------------------------------
+
+static int64_t half_of(int64_t index) // rounds towards minus infinity
+{
+    return index >= 0 ? index / 2 : -((1 - index) / 2);
+}
+
+static uint32_t pair_of(const struct pgm_atlas *atlas, int32_t low, int32_t high)
+{
+    return (uint32_t)(uint16_t)(low - atlas->base_q) | (uint32_t)(uint16_t)(high - atlas->base_q) << 16;
+}
+
+// Corners of a cell of `stride` samples a row, south-west first, eastwards.
+static void write_corners(const struct pgm_atlas *atlas, const int32_t *corner, size_t stride, uint32_t *out)
+{
+    if (atlas->narrow) {
+        out[0] = pair_of(atlas, corner[0], corner[1]);
+        out[1] = pair_of(atlas, corner[stride], corner[stride + 1]);
+    } else {
+        for (int i = 0; i < 4; i++) out[i] = (uint32_t)corner[(size_t)(i / 2) * stride + (size_t)(i % 2)];
+    }
+}
+
+static void pack(const struct pgm_atlas *atlas, const struct terrain *terrain, int k,
+                 const struct terrain_extent *box)
+{
+    int width = (int)(box->x1 - box->x0), height = (int)(box->y1 - box->y0);
+    int parent = k + 1 < atlas->levels; // the coarsest has none and stands in for it
+    int64_t px = parent ? half_of(box->x0) : box->x0, py = parent ? half_of(box->y0) : box->y0;
+    int parent_width = (int)((parent ? half_of(box->x1 - 1) : box->x1 - 1) - px) + 2;
+    int parent_height = (int)((parent ? half_of(box->y1 - 1) : box->y1 - 1) - py) + 2;
+    terrain_window(terrain, atlas->finest + k, box->x0, box->y0, width + 1, height + 1, atlas->heights,
+                   TERRAIN_WAIT);
+    terrain_window(terrain, atlas->finest + k + parent, px, py, parent_width, parent_height, atlas->parents,
+                   TERRAIN_WAIT);
+    uint32_t *out = atlas->texels;
+    int words = atlas->narrow ? 2 : 4;
+    for (int j = 0; j < height; j++)
+        for (int i = 0; i < width; i++, out += 2 * words) {
+            int64_t row = (parent ? half_of(box->y0 + j) : box->y0 + j) - py;
+            int64_t column = (parent ? half_of(box->x0 + i) : box->x0 + i) - px;
+            write_corners(atlas, atlas->heights + (size_t)j * (size_t)(width + 1) + i, (size_t)width + 1,
+                          out);
+            write_corners(atlas, atlas->parents + row * parent_width + column, (size_t)parent_width,
+                          out + words);
+        }
+}
+
+void pgm_atlas_texels(const struct pgm_atlas *atlas, const struct terrain *terrain, int k,
+                      const struct terrain_extent *box)
+{
+    int width = (int)(box->x1 - box->x0), height = (int)(box->y1 - box->y0);
+    size_t count = (size_t)width * (size_t)height;
+    if (atlas->storage.fetch == PGM_FETCH_PACKED) {
+        pack(atlas, terrain, k, box);
+        return;
+    }
+    terrain_window(terrain, atlas->finest + k, box->x0, box->y0, width, height, atlas->heights, TERRAIN_WAIT);
+    if (atlas->storage.fetch == PGM_FETCH_MIPMAP)
+        for (size_t i = 0; i < count; i++) ((float *)atlas->texels)[i] = (float)atlas->heights[i];
+    else if (atlas->narrow)
+        for (size_t i = 0; i < count; i++)
+            ((int16_t *)atlas->texels)[i] = (int16_t)(atlas->heights[i] - atlas->base_q);
+    else
+        memcpy(atlas->texels, atlas->heights, count * sizeof(int32_t));
+}
+
+// ---- textures --------------------------------------------------------------
+
+struct texel_format {
+    GLenum internal, format, type;
+};
+
+static struct texel_format format_of(const struct pgm_atlas *atlas)
+{
+    if (atlas->storage.fetch == PGM_FETCH_MIPMAP) return (struct texel_format){GL_R32F, GL_RED, GL_FLOAT};
+    if (atlas->storage.fetch == PGM_FETCH_PACKED)
+        return atlas->narrow ? (struct texel_format){GL_RGBA32UI, GL_RGBA_INTEGER, GL_UNSIGNED_INT}
+                             : (struct texel_format){GL_RGBA32I, GL_RGBA_INTEGER, GL_INT};
+    return atlas->narrow ? (struct texel_format){GL_R16I, GL_RED_INTEGER, GL_SHORT}
+                         : (struct texel_format){GL_R32I, GL_RED_INTEGER, GL_INT};
+}
+
+static int texels_a_sample(const struct pgm_atlas *atlas)
+{
+    return atlas->storage.fetch == PGM_FETCH_PACKED && !atlas->narrow ? 2 : 1;
+}
+
+struct upload {
+    struct pgm_atlas *atlas;
+    struct gpu *gpu;
+    const struct terrain *terrain;
+    int k;
+};
+
+static bool upload_box(void *user, const struct terrain_extent *samples, int x, int y)
+{
+    const struct upload *upload = user;
+    struct pgm_atlas *atlas = upload->atlas;
+    const struct pgm_slot *slot = &atlas->slots[upload->k];
+    struct texel_format format = format_of(atlas);
+    int width = (int)(samples->x1 - samples->x0), wide = texels_a_sample(atlas);
+    int64_t rows = larger(1, PIECE / width);
+    glBindTexture(GL_TEXTURE_2D, atlas->textures[atlas->storage.many ? upload->k : 0]);
+    for (int64_t from = samples->y0; from < samples->y1; from += rows) {
+        struct terrain_extent piece = {samples->x0, from, samples->x1, smaller(from + rows, samples->y1)};
+        pgm_atlas_texels(atlas, upload->terrain, upload->k, &piece);
+        gpu_texture_sub_image(upload->gpu, GL_TEXTURE_2D, -1, (slot->x + x) * wide,
+                              slot->y + y + (int)(from - samples->y0), width * wide,
+                              (int)(piece.y1 - piece.y0), format.format, format.type, atlas->texels);
+    }
+    return true;
+}
+
+static void follow_level(struct pgm_atlas *atlas, struct gpu *gpu, const struct terrain *terrain, int k,
+                         const int64_t eye[2], uint64_t *budget)
+{
+    struct upload upload = {atlas, gpu, terrain, k};
+    pgm_window_follow(&atlas->slots[k].window, eye, budget, upload_box, &upload);
+}
+
+void pgm_atlas_follow(struct pgm_atlas *atlas, struct gpu *gpu, const struct terrain *terrain,
+                      const struct view *view)
+{
+    uint64_t budget = atlas->storage.budget_bytes / texel_bytes(atlas);
+    for (int k = atlas->levels - 1; k >= 0; k--) {
+        if (pgm_window_is_whole(&atlas->slots[k].window)) continue;
+        struct view_origin origin = view_level_origin(view, atlas->finest + k);
+        follow_level(atlas, gpu, terrain, k, origin.base, &budget);
+    }
 }
 
 static void allocate(struct pgm_atlas *atlas)
 {
-    glGenTextures(1, &atlas->texture);
-    glBindTexture(GL_TEXTURE_2D, atlas->texture);
-    glTexImage2D(GL_TEXTURE_2D, 0, atlas->narrow ? GL_R16I : GL_R32I, atlas->width, atlas->height, 0,
-                 GL_RED_INTEGER, atlas->narrow ? GL_SHORT : GL_INT, NULL);
-    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
-    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
-    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, 0);
+    struct texel_format format = format_of(atlas);
+    int count = atlas->storage.many ? atlas->levels : 1;
+    glGenTextures(count, atlas->textures);
+    for (int i = 0; i < count; i++) {
+        const struct pgm_window *window = &atlas->slots[i].window;
+        int width = atlas->storage.many ? window->width : atlas->width;
+        int height = atlas->storage.many ? window->height : atlas->height;
+        glBindTexture(GL_TEXTURE_2D, atlas->textures[i]);
+        glTexImage2D(GL_TEXTURE_2D, 0, (GLint)format.internal, width * texels_a_sample(atlas), height, 0,
+                     format.format, format.type, NULL);
+        glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+        glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+        glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, 0);
+    }
 }
 
-bool pgm_atlas_init(struct pgm_atlas *atlas, struct gpu *gpu, const struct terrain *terrain)
+// The levels that the hardware makes of the finest one.
+static void let_the_hardware_filter(struct pgm_atlas *atlas)
 {
-    pgm_atlas_layout(atlas, terrain);
-    int most = gpu_info(gpu)->max_texture_size;
-    if (atlas->width > most || atlas->height > most)
-        return fail("pgm: terrain %s needs a height texture of %d x %d texels, but this driver takes at most "
-                    "%d a side",
-                    terrain_info(terrain)->name, atlas->width, atlas->height, most);
+    glBindTexture(GL_TEXTURE_2D, atlas->textures[0]);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, 1000);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+    glGenerateMipmap(GL_TEXTURE_2D);
+}
+
+// A piece of w x h samples has w h <= PIECE, or one row; its corners and its parents' are (w + 1) x (h + 1)
+// at most.
+static bool make_room(struct pgm_atlas *atlas)
+{
+    size_t width = (size_t)larger(atlas->side, SIDE_LEAST), room = 2 * ((size_t)PIECE + width) + 16;
+    atlas->heights = malloc(room * sizeof *atlas->heights);
+    atlas->parents = malloc(room * sizeof *atlas->parents);
+    atlas->texels = malloc(((size_t)PIECE + width) * texel_bytes(atlas));
+    return atlas->heights && atlas->parents && atlas->texels;
+}
+
+bool pgm_atlas_init(struct pgm_atlas *atlas, struct gpu *gpu, const struct terrain *terrain,
+                    const struct pgm_storage *storage)
+{
+    if (!pgm_atlas_layout(atlas, terrain, storage)) return false;
+    if (!make_room(atlas)) return fail("pgm: out of memory for a piece of heights");
     allocate(atlas);
-    return upload(atlas, gpu, terrain);
+    bool mipmap = storage->fetch == PGM_FETCH_MIPMAP;
+    for (int k = 0; k < (mipmap ? 1 : atlas->levels); k++) {
+        uint64_t all = UINT64_MAX;
+        const struct pgm_window *window = &atlas->slots[k].window;
+        const int64_t anywhere[2] = {window->extent.x0, window->extent.y0};
+        if (pgm_window_is_whole(window)) follow_level(atlas, gpu, terrain, k, anywhere, &all);
+    }
+    if (mipmap) let_the_hardware_filter(atlas);
+    return true;
 }
 
 void pgm_atlas_finish(struct pgm_atlas *atlas)
 {
-    if (atlas->texture) glDeleteTextures(1, &atlas->texture);
-    atlas->texture = 0;
+    if (atlas->textures[0]) glDeleteTextures(atlas->storage.many ? atlas->levels : 1, atlas->textures);
+    memset(atlas->textures, 0, sizeof atlas->textures);
+    free(atlas->heights);
+    free(atlas->parents);
+    free(atlas->texels);
+    atlas->heights = atlas->parents = NULL;
+    atlas->texels = NULL;
 }

@@ -1,37 +1,73 @@
-// Heights of all levels in one integer texture, each level in a slot of its own, so that one draw may read
-// any level.  Livny et al. 2008, section 4 (the texture atlas).  Whole levels are resident.
-// SPDX-License-Identifier: MIT
+// Heights of all levels on the GPU: in one texture, each level's tile in a slot of its own, so that one draw
+// may read any level.  Livny et al. 2008, sections 4 and 5.  Terrain that does not fit is held as nested
+// tiles about the viewer (pgm_windows.h). SPDX-License-Identifier: MIT
 #ifndef PGM_PGM_ATLAS_H
 #define PGM_PGM_ATLAS_H
 
 #include "common/gl/gpu.h"
 #include "pgm/pgm_sampler.h"
+#include "pgm/pgm_windows.h"
 
 #include <stdbool.h>
 #include <stddef.h>
 
+// What a texel holds.
+enum pgm_fetch {
+    PGM_FETCH_PLAIN,  // a height, 16 or 32 bits: one fetch for each corner that a filter reads, up to eight
+    PGM_FETCH_PACKED, // the four corners of a cell and of its parent's: one fetch for the whole footprint
+                      // (two where heights span more than 16 bits), eight times the memory
+    PGM_FETCH_MIPMAP, // naive: the finest level in a mipmapped float texture, filtered by the hardware
+};
+
+struct pgm_storage { // what a user chooses
+    enum pgm_fetch fetch;
+    bool many;           // a texture for each level, chosen by branching, instead of one atlas
+    size_t memory_bytes; // that tiles may take; 0: no limit
+    size_t budget_bytes; // uploaded a frame, at least
+    int most_texels;     // a side of a texture
+};
+
+enum { PGM_TEXTURES_MAX = 16 }; // that a vertex program may bind everywhere
+
 struct pgm_slot {
-    struct terrain_extent extent; // the samples it holds
-    int x, y;                     // texel of sample (extent.x0, extent.y0)
+    struct pgm_window window;
+    int x, y; // texel of the tile's corner in the texture
 };
 
 struct pgm_atlas {
-    GLuint texture;
-    int width, height; // texels
-    int finest;        // level of slot 0; slot k holds level finest + k
+    struct pgm_storage storage;
+    GLuint textures[PGM_TEXTURES_MAX]; // one, or one a level
+    int width, height;                 // texels of the one texture
+    int finest;                        // level of slot 0; slot k holds level finest + k
     int levels;
-    int base_q;  // height in quanta = texel + base_q
-    bool narrow; // 16-bit texels, else 32-bit
+    int base_q;  // plain and packed: height in quanta = texel + base_q; mipmap: 0
+    bool narrow; // heights in 16 bits, else 32
+    int side;    // largest tile, texels
     struct pgm_slot slots[PGM_LEVELS_MAX];
+    int32_t *heights, *parents; // room for one piece of an upload
+    void *texels;
 };
 
-// Places the levels: the finest in the corner, the others in a column or a row beside it.  PURE.
-void pgm_atlas_layout(struct pgm_atlas *atlas, const struct terrain *terrain);
+// Sizes the tiles and places them: whole levels if they fit, else the largest tiles that do.  False after one
+// line on stderr where not even small ones do.  PURE.
+bool pgm_atlas_layout(struct pgm_atlas *atlas, const struct terrain *terrain,
+                      const struct pgm_storage *storage);
 
-// Lays out, allocates and fills the texture.  False after one line on stderr.
-bool pgm_atlas_init(struct pgm_atlas *atlas, struct gpu *gpu, const struct terrain *terrain);
+// Lays out, allocates and fills what is held whole.  The atlas starts zeroed.  False after one line on
+// stderr.
+bool pgm_atlas_init(struct pgm_atlas *atlas, struct gpu *gpu, const struct terrain *terrain,
+                    const struct pgm_storage *storage);
 void pgm_atlas_finish(struct pgm_atlas *atlas); // accepts a zeroed struct
 
+// Moves the tiles to a viewer and uploads within the budget of a frame.
+void pgm_atlas_follow(struct pgm_atlas *atlas, struct gpu *gpu, const struct terrain *terrain,
+                      const struct view *view);
+
+bool pgm_atlas_is_whole(const struct pgm_atlas *atlas); // every level is
 size_t pgm_atlas_bytes(const struct pgm_atlas *atlas);
+
+// The texels of a box of samples of slot k as they are uploaded, row by row northwards.  PURE.
+void pgm_atlas_texels(const struct pgm_atlas *atlas, const struct terrain *terrain, int k,
+                      const struct terrain_extent *box);
 
 #endif

@@ -21,7 +21,7 @@
 
 #include <stdbool.h>
 
-enum { PGM_ROWS_MAX = 768, PGM_LEVELS_MAX = 40 };
+enum { PGM_ROWS_MAX = 1023, PGM_LEVELS_MAX = 40 };
 
 // How the sampling camera follows the viewing camera (Equation 2).
 enum pgm_camera {

@@ -28,21 +28,6 @@ static void gather_heights(const float *triangles, size_t count, void *user)
     heights->vertices += 3 * count;
 }
 
-static void capture_frame(struct gpu *gpu, struct renderer *renderer, const struct terrain *terrain,
-                          const struct view *view, gpu_capture_fn *receive, void *user)
-{
-    gpu_set_view(gpu, terrain, view);
-    renderer->type->begin_frame(renderer, 0);
-    assert_true(renderer->type->update(renderer, view, 1));
-    struct gpu_target target;
-    assert_true(gpu_target_init(gpu, &target, view->width, view->height, GL_RGBA32F));
-    gpu_target_begin(gpu, &target);
-    assert_true(gpu_capture_begin(gpu, receive, user));
-    renderer->type->draw(renderer, 0, PASS_POSITION);
-    gpu_capture_end(gpu);
-    gpu_target_finish(&target);
-}
-
 static const char *const readings[] = {"filter=triangle lod=floor", "filter=bilinear lod=ceil",
                                        "filter=nearest lod=published", "filter=triangle lod=floor bias=6"};
 enum { READINGS = sizeof readings / sizeof *readings };

@@ -89,6 +89,22 @@ static inline void *draw_frame(struct gpu *gpu, struct renderer *renderer, const
     return pixels;
 }
 
+// Hands the triangles of one frame to `receive`.
+static inline void capture_frame(struct gpu *gpu, struct renderer *renderer, const struct terrain *terrain,
+                                 const struct view *view, gpu_capture_fn *receive, void *user)
+{
+    gpu_set_view(gpu, terrain, view);
+    renderer->type->begin_frame(renderer, 0);
+    assert_true(renderer->type->update(renderer, view, 1));
+    struct gpu_target target;
+    assert_true(gpu_target_init(gpu, &target, view->width, view->height, GL_RGBA32F));
+    gpu_target_begin(gpu, &target);
+    assert_true(gpu_capture_begin(gpu, receive, user));
+    renderer->type->draw(renderer, 0, PASS_POSITION);
+    gpu_capture_end(gpu);
+    gpu_target_finish(&target);
+}
+
 // Everything that is measured of one frame; finish with frame_error_finish.  `truth` may be NULL, else it is
 // kept for the caller, who finishes it.
 static inline struct frame_error measure_frame(struct gpu *gpu, struct renderer *renderer,
