@@ -171,11 +171,12 @@ static cJSON *parse(const char *file, const char *text, size_t size)
 
 static bool read_terrain_options(struct place at, const cJSON *json, struct terrain_options *options)
 {
-    const char *filter = "halfband";
+    const char *filter = "halfband", *noise = "hash";
     double seed = 0;
     if (!read_int(at, json, "synthesize_levels", 0, 8, &options->synthesize_levels) ||
         !read_number(at, json, "seed", 0, 0x1p53, &seed) ||
-        !read_text_value(at, json, "filter", "halfband|tent|decimate", &filter))
+        !read_text_value(at, json, "filter", "halfband|tent|decimate", &filter) ||
+        !read_text_value(at, json, "noise", "hash|table", &noise))
         return false;
     if (seed != floor(seed))
         return fail("%s: \"seed\" of %s is not right; accepted is a whole number", at.file, at.object);
@@ -183,6 +184,7 @@ static bool read_terrain_options(struct place at, const cJSON *json, struct terr
     options->filter = *filter == 't'   ? TERRAIN_FILTER_TENT
                       : *filter == 'd' ? TERRAIN_FILTER_DECIMATE
                                        : TERRAIN_FILTER_HALFBAND;
+    options->noise = *noise == 't' ? TERRAIN_NOISE_TABLE : TERRAIN_NOISE_HASH;
     return true;
 }
 
@@ -193,7 +195,7 @@ static bool load_terrain(struct scene *scene, const char *file, const cJSON *jso
     const char *name = cJSON_GetStringValue(json), *builtin = NULL;
     if (!json) return fail("%s: terrain is missing; accepted is a file name or an object", file);
     if (!name) {
-        if (!check_object(at, json, "file|builtin|synthesize_levels|seed|filter") ||
+        if (!check_object(at, json, "file|builtin|synthesize_levels|seed|filter|noise") ||
             !read_text_value(at, json, "file", NULL, &name) ||
             !read_text_value(at, json, "builtin", "jacksboro", &builtin) ||
             !read_terrain_options(at, json, &options))

@@ -118,7 +118,19 @@ struct synthesis {
     struct pyramid_level *fine;
     int level;
     uint64_t seed;
+    enum terrain_noise noise;
+    struct synthesis_table table;
 };
+
+static void add_noise(const struct synthesis *s, int32_t *row, int64_t y)
+{
+    const struct pyramid_level *fine = s->fine;
+    if (fine->sigma_q == 0) return;
+    if (s->noise == TERRAIN_NOISE_TABLE)
+        synthesis_add_table_row(row, pyramid_width(fine), fine->extent.x0, y, &s->table, fine->sigma_q);
+    else
+        synthesis_add_row(row, pyramid_width(fine), fine->extent.x0, y, s->level, s->seed, fine->sigma_q);
+}
 
 static void synthesise_block(int block, void *user)
 {
@@ -127,8 +139,7 @@ static void synthesise_block(int block, void *user)
     int32_t *row = s->fine->samples + (int64_t)block * ROWS_A_BLOCK * width;
     int64_t rows = predict_block(&s->prediction, block, row);
     for (int64_t j = 0; j < rows; j++, row += width) {
-        if (s->fine->sigma_q > 0)
-            synthesis_add_row(row, width, s->fine->extent.x0, y + j, s->level, s->seed, s->fine->sigma_q);
+        add_noise(s, row, y + j);
         for (int64_t i = 0; i < width; i++) row[i] = limit(row[i]);
     }
 }
@@ -223,7 +234,8 @@ static bool add_finer(struct pyramid *pyramid, const struct terrain_options *opt
         struct pyramid_level *fine = at(pyramid, l);
         const struct terrain_extent *e = &coarse->extent;
         fine->extent = (struct terrain_extent){2 * e->x0, 2 * e->y0, 2 * e->x1 - 1, 2 * e->y1 - 1};
-        struct synthesis s = {.fine = fine, .level = l, .seed = options->seed};
+        struct synthesis s = {.fine = fine, .level = l, .seed = options->seed, .noise = options->noise};
+        synthesis_fill_table(&s.table, options->seed);
         bool good = allocate(fine) && prediction_init(&s.prediction, coarse, &fine->extent);
         if (good) parallel_blocks(blocks_of(pyramid_height(fine)), 0, synthesise_block, &s);
         free(s.prediction.coarse);

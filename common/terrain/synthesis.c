@@ -37,10 +37,38 @@ double synthesis_normal(int64_t i, int64_t j, int level, uint64_t seed)
     return normal(row_key(j, level, seed), i);
 }
 
+// The nearest integer, halves upwards.
+static inline int32_t rounded(double x)
+{
+    return (int32_t)(x + (0x1p26 + 0.5)) - (1 << 26);
+}
+
 void synthesis_add_row(int32_t *samples, int64_t count, int64_t i0, int64_t j, int level, uint64_t seed,
                        double sigma_q)
 {
     uint64_t key = row_key(j, level, seed);
-    for (int64_t i = 0; i < count; i++)
-        samples[i] += (int32_t)(sigma_q * normal(key, i0 + i) + (0x1p26 + 0.5)) - (1 << 26); // floor(x + 0.5)
+    for (int64_t i = 0; i < count; i++) samples[i] += rounded(sigma_q * normal(key, i0 + i));
+}
+
+static int table_index(int64_t index)
+{
+    int rest = (int)(index % SYNTHESIS_TABLE);
+    return rest < 0 ? rest + SYNTHESIS_TABLE : rest;
+}
+
+void synthesis_fill_table(struct synthesis_table *table, uint64_t seed)
+{
+    for (int j = 0; j < SYNTHESIS_TABLE; j++)
+        for (int i = 0; i < SYNTHESIS_TABLE; i++) table->deviates[j][i] = synthesis_normal(i, j, 0, seed);
+}
+
+void synthesis_add_table_row(int32_t *samples, int64_t count, int64_t i0, int64_t j,
+                             const struct synthesis_table *table, double sigma_q)
+{
+    const double *row = table->deviates[table_index(j)];
+    int at = table_index(i0);
+    for (int64_t i = 0; i < count; i++) {
+        samples[i] += rounded(sigma_q * row[at]);
+        at = at + 1 == SYNTHESIS_TABLE ? 0 : at + 1;
+    }
 }

@@ -17,4 +17,15 @@ double synthesis_normal(int64_t i, int64_t j, int level, uint64_t seed);
 void synthesis_add_row(int32_t *samples, int64_t count, int64_t i0, int64_t j, int level, uint64_t seed,
                        double sigma_q);
 
+// As published: one table of 50 x 50 deviates for every level, indexed by the coordinates modulo 50 (rounding
+// towards minus infinity, so that the origin is no seam).  It repeats every 50 samples, and samples of
+// different levels at equal indices get equal deviates: numerics.md, B13, fails it.
+enum { SYNTHESIS_TABLE = 50 };
+struct synthesis_table {
+    double deviates[SYNTHESIS_TABLE][SYNTHESIS_TABLE]; // [j][i]
+};
+void synthesis_fill_table(struct synthesis_table *table, uint64_t seed);
+void synthesis_add_table_row(int32_t *samples, int64_t count, int64_t i0, int64_t j,
+                             const struct synthesis_table *table, double sigma_q);
+
 #endif

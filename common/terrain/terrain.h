@@ -32,6 +32,12 @@ enum terrain_filter {
     TERRAIN_FILTER_DECIMATE, // (1): every other sample
 };
 
+// Where the noise of synthesised levels comes from.
+enum terrain_noise {
+    TERRAIN_NOISE_HASH,  // of the absolute sample and level: it never repeats; the default
+    TERRAIN_NOISE_TABLE, // as published: a table of 50 x 50 deviates, repeated, the same for every level
+};
+
 struct terrain_extent { // samples of one level: x0 <= i < x1, y0 <= j < y1
     int64_t x0, y0, x1, y1;
 };
@@ -64,6 +70,7 @@ struct terrain_options {
     enum terrain_filter filter;
     int synthesize_levels; // finer levels to add, 0..8
     uint64_t seed;         // of the noise
+    enum terrain_noise noise;
     // The source quantum is divided by 2^this, or by as much as keeps |q| <= 2^21; 0: 8 bits when levels are
     // synthesised, so that their noise is not flattened, else none.
     int refine_bits;

@@ -243,6 +243,8 @@ static void refuses_in_one_line(void **state)
          "file|builtin|synthesize_levels|seed|filter"},
         {"{\"name\": \"t\", \"terrain\": {\"builtin\": \"mars\"}}", "builtin", "jacksboro"},
         {"{\"name\": \"t\", \"terrain\": {}}", "terrain", "\"file\" and \"builtin\""},
+        {"{\"name\": \"t\", \"terrain\": {\"builtin\": \"jacksboro\", \"noise\": \"perlin\"}}", "noise",
+         "hash|table"},
         {"{\"name\": \"t\", \"terrain\": {\"builtin\": \"jacksboro\", \"synthesize_levels\": 9}}",
          "synthesize_levels", "0..8"},
         {"{\"name\": \"t\", \"terrain\": {\"builtin\": \"jacksboro\", \"synthesize_levels\": 1.5}}",

@@ -232,6 +232,22 @@ static void noise_is_the_same_by_any_road(void **state) // numerics.md, B13
     }
 }
 
+static void published_noise_is_the_table(void **state) // section 8
+{
+    (void)state;
+    static struct synthesis_table table;
+    synthesis_fill_table(&table, 5);
+    for (int64_t j = -130; j < 130; j++)
+        for (int64_t i0 = -120; i0 < 20; i0 += 7) {
+            int32_t row[120] = {0};
+            synthesis_add_table_row(row, 120, i0, j, &table, 1000);
+            for (int64_t i = 0; i < 120; i++) {
+                double z = table.deviates[(j % 50 + 50) % 50][((i0 + i) % 50 + 50) % 50];
+                assert_int_equal(row[i], (int32_t)floor(1000 * z + 0.5));
+            }
+        }
+}
+
 static double residual_rms(const struct terrain *terrain, int level)
 {
     struct terrain_extent e = terrain_level(terrain, level).extent;
@@ -301,6 +317,7 @@ int main(void)
         cmocka_unit_test(d_is_the_adjoint_of_u),
         cmocka_unit_test(noise_is_normal),
         cmocka_unit_test(noise_is_the_same_by_any_road),
+        cmocka_unit_test(published_noise_is_the_table),
         cmocka_unit_test(noise_follows_the_residuals),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
