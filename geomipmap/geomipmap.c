@@ -18,6 +18,7 @@ enum {
     KNOB_DELTA,
     KNOB_BORDERS,
     KNOB_INDICES,
+    KNOB_HYSTERESIS,
     KNOB_CULL,
     KNOB_FACES,
     KNOB_CACHE
@@ -39,6 +40,9 @@ static const struct renderer_knob knobs[] = {
      "tau (merge 0)",
      GEOMIPMAP_ADD, 0, 2, "add|regions|remove"},
     {"indices", "triangle lists, or strips in less memory", 0, 0, 1, "lists|strips"},
+    {"hysteresis",
+     "share of tau by which a tile must be better before it grows coarser; 0: levels may flicker", 0, 0, 0.9,
+     NULL},
     {"cull", "draw only tiles that the frustum meets", 1, 0, 1, "off|on"},
     {"faces",
      "triangles drawn: both sides of the surface, or only those that face the eye (may drop a pixel)", 0, 0,
@@ -84,6 +88,7 @@ struct geomipmap {
     struct geomipmap_cache_counts counts_before; // of the cache, when the frame began
     struct geomipmap_view views[RENDERER_MAX_VIEWS];
     int view_count;
+    int frame;       // number of this frame
     bool front_only; // faces
     bool streamed;   // the frame needs more tiles than the cache may hold: draw() uploads in batches
 
@@ -196,8 +201,10 @@ static int gather(struct geomipmap *g, struct geomipmap_view *view, int start)
 
 static void begin_frame(struct renderer *renderer, int frame)
 {
-    (void)frame;
     struct geomipmap *g = (struct geomipmap *)renderer;
+    for (int i = 0; frame != g->frame + 1 && i < RENDERER_MAX_VIEWS; i++)
+        geomipmap_selection_restart(&g->views[i].selection, &g->tiles); // another flight
+    g->frame = frame;
     int from, to;
     g->counts_before = g->cache.counts;
     g->view_count = 0;
@@ -409,7 +416,8 @@ static bool init(struct geomipmap *g, const struct renderer_desc *desc)
     g->choice = (struct geomipmap_choice){.metric = (enum geomipmap_metric)desc->knobs[KNOB_METRIC],
                                           .tau_px = desc->knobs[KNOB_TAU],
                                           .cull = desc->knobs[KNOB_CULL] != 0,
-                                          .borders = (enum geomipmap_borders)desc->knobs[KNOB_BORDERS]};
+                                          .borders = (enum geomipmap_borders)desc->knobs[KNOB_BORDERS],
+                                          .hysteresis = desc->knobs[KNOB_HYSTERESIS]};
     g->front_only = desc->knobs[KNOB_FACES] != 0;
     int merge = (int)desc->knobs[KNOB_MERGE], most = GEOMIPMAP_MAX_EXTENT - bits;
     if (g->choice.borders == GEOMIPMAP_REMOVE) merge = 0;

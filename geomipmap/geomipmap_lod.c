@@ -287,9 +287,9 @@ double geomipmap_allowed(const struct geomipmap_judge *judge, double depth_m, do
     return deep > near ? deep : near;
 }
 
-int geomipmap_choose(const float *error, int levels, double allowed)
+int geomipmap_choose(const float *error, int levels, double allowed, int kept, double coarser)
 {
     for (int level = levels - 1; level > 0; level--)
-        if ((double)error[level] <= allowed) return level;
+        if ((double)error[level] <= (level > kept ? coarser : allowed)) return level;
     return 0;
 }

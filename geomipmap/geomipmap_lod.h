@@ -82,6 +82,8 @@ void geomipmap_judge_init(struct geomipmap_judge *judge, enum geomipmap_metric m
 double geomipmap_allowed(const struct geomipmap_judge *judge, double depth_m, double distance_m);
 
 // The coarsest of `levels` levels whose error is at most `allowed`, both in the same unit; 0 when none is.
-int geomipmap_choose(const float *error, int levels, double allowed);
+// Levels above `kept`, the one drawn before, must keep their error within `coarser` instead, which is at
+// most `allowed`.
+int geomipmap_choose(const float *error, int levels, double allowed, int kept, double coarser);
 
 #endif

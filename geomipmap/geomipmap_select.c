@@ -23,12 +23,15 @@ static bool reserve(struct geomipmap_selection *selection, int room)
 bool geomipmap_selection_init(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles)
 {
     size_t count = (size_t)tiles->grid[0].columns * (size_t)tiles->grid[0].rows;
-    *selection = (struct geomipmap_selection){.cover = malloc(count * sizeof *selection->cover)};
-    if (!selection->cover) return fail("geomipmap: no memory to select from %zu tiles", count);
+    *selection = (struct geomipmap_selection){.cover = malloc(count * sizeof *selection->cover),
+                                              .last_step = malloc(count)};
+    if (!selection->cover || !selection->last_step || !reserve(selection, FIRST_ROOM)) {
+        geomipmap_selection_finish(selection);
+        return fail("geomipmap: no memory to select from %zu tiles", count);
+    }
     memset(selection->cover, GEOMIPMAP_NOTHING, count * sizeof *selection->cover);
-    if (reserve(selection, FIRST_ROOM)) return true;
-    geomipmap_selection_finish(selection);
-    return false;
+    geomipmap_selection_restart(selection, tiles);
+    return true;
 }
 
 void geomipmap_selection_finish(struct geomipmap_selection *selection)
@@ -36,7 +39,14 @@ void geomipmap_selection_finish(struct geomipmap_selection *selection)
     free(selection->picks);
     free(selection->list);
     free(selection->cover);
+    free(selection->last_step);
     *selection = (struct geomipmap_selection){0};
+}
+
+void geomipmap_selection_restart(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles)
+{
+    memset(selection->last_step, GEOMIPMAP_NOTHING,
+           (size_t)tiles->grid[0].columns * (size_t)tiles->grid[0].rows);
 }
 
 struct scan { // of one view
@@ -47,6 +57,7 @@ struct scan { // of one view
     struct geomipmap_judge judge;
     bool cull;
     enum geomipmap_borders borders;
+    double hysteresis;
     double corner_m[2]; // south-west corner of the map, relative to the eye
     double tile_m[2];   // size of a tile of height 0
     double eye_tile[2]; // the eye, in tiles of height 0
@@ -95,25 +106,48 @@ static double box_distance(const struct box *box)
     return sqrt(squares);
 }
 
-static int level_at_depth(const struct scan *scan, const float *error, double depth, double distance)
+// The finest step that was drawn of a tile when it was last seen.
+static int last_step(const struct scan *scan, struct geomipmap_place place)
 {
-    double allowed = geomipmap_allowed(&scan->judge, fmax(depth, scan->view->near_m), distance);
-    return geomipmap_choose(error, scan->tiles->levels, allowed / scan->tiles->quantum_m);
+    const struct geomipmap_grid *grid = &scan->tiles->grid[0];
+    int size = 1 << place.height, column = place.column * size, row = place.row * size,
+        least = GEOMIPMAP_NOTHING;
+    for (int j = row; j < row + size && j < grid->rows; j++)
+        for (int i = column; i < column + size && i < grid->columns; i++) {
+            int step = scan->selection->last_step[(size_t)j * (size_t)grid->columns + (size_t)i];
+            least = step < least ? step : least;
+        }
+    return least;
+}
+
+struct asked { // a tile whose level is sought
+    const float *error;
+    int kept; // level that it had
+};
+
+static int level_at_depth(const struct scan *scan, const struct asked *asked, double depth, double distance)
+{
+    double allowed =
+        geomipmap_allowed(&scan->judge, fmax(depth, scan->view->near_m), distance) / scan->tiles->quantum_m;
+    return geomipmap_choose(asked->error, scan->tiles->levels, allowed, asked->kept,
+                            allowed * (1 - scan->hysteresis));
 }
 
 static int choose_level(const struct scan *scan, struct geomipmap_place place, const struct box *box,
                         bool whole)
 {
-    const float *error = geomipmap_tiles_error(scan->tiles, place);
+    const struct asked asked = {geomipmap_tiles_error(scan->tiles, place),
+                                scan->hysteresis > 0 ? last_step(scan, place) - place.height
+                                                     : scan->tiles->levels};
     const double *forward = scan->view->forward;
-    if (scan->judge.metric == GEOMIPMAP_PAPER) return level_at_depth(scan, error, 0, box_distance(box));
+    if (scan->judge.metric == GEOMIPMAP_PAPER) return level_at_depth(scan, &asked, 0, box_distance(box));
     double depth = box_depth(box, forward, 1), rect[4], seen_depth;
-    int level = level_at_depth(scan, error, depth, 0);
+    int level = level_at_depth(scan, &asked, depth, 0);
     // Only part of the box is seen, and that part may begin farther away (numerics.md, C2).  Clipping is
     // worth its time only where a greater depth could help.
-    if (whole || level == level_at_depth(scan, error, box_depth(box, forward, -1), 0)) return level;
+    if (whole || level == level_at_depth(scan, &asked, box_depth(box, forward, -1), 0)) return level;
     if (!frustum_clip_box(scan->view, box->low, box->high, rect, &seen_depth)) return scan->tiles->levels - 1;
-    return level_at_depth(scan, error, fmax(depth, seen_depth), 0);
+    return level_at_depth(scan, &asked, fmax(depth, seen_depth), 0);
 }
 
 // ---- picks --------------------------------------------------------------------------------------
@@ -346,6 +380,21 @@ static void choose_sets(struct scan *scan)
     selection->count = unseen;
 }
 
+// Remembers the steps of all tiles that were seen, which only hysteresis asks for.
+static void remember(struct scan *scan)
+{
+    struct geomipmap_selection *selection = scan->selection;
+    const struct geomipmap_grid *grid = &scan->tiles->grid[0];
+    for (int k = 0; k < selection->seen; k++) {
+        const struct geomipmap_pick *pick = &selection->picks[k];
+        int size = 1 << pick->place.height, column = pick->place.column * size, row = pick->place.row * size;
+        for (int j = row; j < row + size && j < grid->rows; j++)
+            for (int i = column; i < column + size && i < grid->columns; i++)
+                selection->last_step[(size_t)j * (size_t)grid->columns + (size_t)i] =
+                    (uint8_t)(pick->place.height + pick->level);
+    }
+}
+
 static void forget(struct scan *scan)
 {
     struct geomipmap_selection *selection = scan->selection;
@@ -362,6 +411,7 @@ bool geomipmap_select(struct geomipmap_selection *selection, const struct geomip
                         .view = view,
                         .cull = choice->cull,
                         .borders = choice->borders,
+                        .hysteresis = choice->hysteresis,
                         .last = NONE};
     struct view_origin eye = view_level_origin(view, tiles->finest);
     const int64_t first[2] = {tiles->x0, tiles->y0};
@@ -380,5 +430,6 @@ bool geomipmap_select(struct geomipmap_selection *selection, const struct geomip
     visit_tiles(&scan, (struct geomipmap_place){tiles->top, 0, 0}, size, scan_tile, FRUSTUM_ALL);
     split_coarse_neighbours(&scan);
     if (!scan.failed) choose_sets(&scan);
+    if (!scan.failed && scan.hysteresis > 0) remember(&scan);
     return !scan.failed;
 }

@@ -10,6 +10,9 @@
 // every 2^height-th sample; beside a tile that draws more it is split.  Tiles outside the frustum take part
 // in this, so that what is seen does not depend on culling.  Only GEOMIPMAP_REMOVE, which knows tiles of one
 // size alone (merge 0), draws the vertices of the coarser side instead.
+//
+// With hysteresis, a tile grows coarser than it was when last seen only where the error stays within (1 -
+// hysteresis) tau; it grows finer at tau, so that the claim holds.
 // SPDX-License-Identifier: MIT
 #ifndef GEOMIPMAP_GEOMIPMAP_SELECT_H
 #define GEOMIPMAP_GEOMIPMAP_SELECT_H
@@ -30,6 +33,7 @@ struct geomipmap_choice { // how to select; the same for all frames
     double tau_px;
     bool cull; // leave out unseen tiles that concern no other; false: list them all
     enum geomipmap_borders borders;
+    double hysteresis; // 0: off; below 1
 };
 
 struct geomipmap_cover { // what covers a tile of height 0
@@ -44,10 +48,14 @@ struct geomipmap_selection {
     struct geomipmap_pick *list;  // while selecting
     int listed, room;
     struct geomipmap_cover *cover; // by tile of height 0
+    uint8_t *last_step;            // by tile of height 0: step when it was last seen, or GEOMIPMAP_NOTHING
 };
 
 bool geomipmap_selection_init(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles);
 void geomipmap_selection_finish(struct geomipmap_selection *selection); // accepts a zeroed selection
+
+// Forgets the frames so far: what comes next does not continue them.
+void geomipmap_selection_restart(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles);
 
 // Replaces the selection by that of a view.  Allocates only when there are more picks than ever before.
 // False after one line on stderr.

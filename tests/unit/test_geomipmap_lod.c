@@ -201,11 +201,11 @@ static void flat_and_level_zero_have_no_error(void **state)
         for (int k = 0; k < MAX_ROW * MAX_ROW; k++) heights[k] = 88480;
         measure(&plan, GEOMIPMAP_STABLE, heights, 1, error);
         for (int level = 0; level < bits; level++) assert_true(error[level] == 0);
-        assert_int_equal(geomipmap_choose(error, bits, 0), bits - 1); // delta 0 <= allowed 0 (G3)
+        assert_int_equal(geomipmap_choose(error, bits, 0, bits, 0), bits - 1); // delta 0 <= allowed 0 (G3)
         make_noise(bits, &seed, heights);
         measure(&plan, GEOMIPMAP_STABLE, heights, 2, error);
         assert_true(error[0] == 0);
-        assert_int_equal(geomipmap_choose(error, bits, 0), 0);
+        assert_int_equal(geomipmap_choose(error, bits, 0, bits, 0), 0);
         geomipmap_plan_finish(&plan);
     }
 }

@@ -365,6 +365,130 @@ static void safe_claim_holds_and_paper_breaks(void **state)
         }
 }
 
+// ---- hysteresis ---------------------------------------------------------------------------------
+
+// Step that is drawn of every tile of height 0; GEOMIPMAP_NOTHING where none is.
+static void list_steps(const struct scene *s, uint8_t *steps)
+{
+    static int pick_of[MAX_TILES];
+    index_picks(s, s->selection.seen, pick_of);
+    for (int tile = 0; tile < s->tiles.grid[0].columns * s->tiles.grid[0].rows; tile++) {
+        const struct geomipmap_pick *pick = &s->selection.picks[pick_of[tile] < 0 ? 0 : pick_of[tile]];
+        steps[tile] = pick_of[tile] < 0 ? GEOMIPMAP_NOTHING : (uint8_t)(pick->place.height + pick->level);
+    }
+}
+
+// Coming into the picture is no switch.
+static bool switched(uint8_t before, uint8_t now)
+{
+    return before != now && before != GEOMIPMAP_NOTHING && now != GEOMIPMAP_NOTHING;
+}
+
+static bool same_steps(struct scene *s, const struct geomipmap_choice *choice, const struct view *a,
+                       const struct view *b)
+{
+    static uint8_t steps[2][MAX_TILES];
+    for (int i = 0; i < 2; i++) {
+        assert_true(geomipmap_select(&s->selection, &s->tiles, choice, i ? b : a));
+        list_steps(s, steps[i]);
+    }
+    for (int tile = 0; tile < s->tiles.grid[0].columns * s->tiles.grid[0].rows; tile++)
+        if (switched(steps[0][tile], steps[1][tile])) return false;
+    return true;
+}
+
+static struct view lifted(const struct scene *s, const struct camera *camera, double metres)
+{
+    struct camera moved = *camera;
+    struct view view;
+    moved.eye_m[2] += metres;
+    view_init(&view, s->terrain, &moved, 640, 480, 0);
+    return view;
+}
+
+// Finds a height above the camera's at which a tile changes its level, to the last bit of the eye's place.
+static bool find_switch(struct scene *s, const struct geomipmap_choice *choice, const struct camera *camera,
+                        double *height)
+{
+    double low = 0;
+    *height = 300;
+    struct view a = lifted(s, camera, low), b = lifted(s, camera, *height);
+    if (same_steps(s, choice, &a, &b)) return false;
+    for (int i = 0; i < 60; i++) {
+        double middle = (low + *height) / 2;
+        b = lifted(s, camera, middle);
+        if (same_steps(s, choice, &a, &b))
+            low = middle;
+        else
+            *height = middle;
+    }
+    return true;
+}
+
+// C6: a camera that trembles by a few of its smallest steps around a switch.
+static void hysteresis_stops_flicker(void **state)
+{
+    (void)state;
+    enum { FRAMES = 100 };
+    static uint8_t now[MAX_TILES], before[MAX_TILES], plain[MAX_TILES];
+    static int switches[MAX_TILES];
+    int worst[2] = {0, 0};
+    uint64_t seed = 31, finer = 0, shown = 0;
+    for (int merge = 0; merge <= 3; merge += 3)
+        for (int k = 0; k < test_size(6, 60); k++) {
+            struct scene s = make_scene(10, merge, 1500);
+            struct geomipmap_choice choice = {.metric = GEOMIPMAP_SAFE, .tau_px = 2, .cull = true};
+            int tiles = s.tiles.grid[0].columns * s.tiles.grid[0].rows;
+            const double *o = terrain_info(s.terrain)->outline_m;
+            struct camera camera;
+            double height;
+            do
+                camera =
+                    (struct camera){{test_uniform(&seed, o[0], o[2]), test_uniform(&seed, o[1], o[3]), 3000},
+                                    test_uniform(&seed, -3, 3),
+                                    -0.7,
+                                    0,
+                                    1.2};
+            while (!find_switch(&s, &choice, &camera, &height));
+            for (int on = 0; on < 2; on++) {
+                uint64_t tremble = 32;
+                choice.hysteresis = on ? 0.1 : 0;
+                geomipmap_selection_restart(&s.selection, &s.tiles);
+                memset(switches, 0, sizeof switches);
+                for (int frame = 0; frame < FRAMES; frame++) {
+                    // The eye stands on a lattice, so that it moves by more than 1e-6 m or not at all.
+                    struct view view = lifted(&s, &camera, height + test_uniform(&tremble, -1e-2, 1e-2));
+                    if (on) { // what hysteresis draws is never coarser
+                        const struct geomipmap_choice off = {
+                            .metric = GEOMIPMAP_SAFE, .tau_px = 2, .cull = true};
+                        struct geomipmap_selection kept = s.selection;
+                        assert_true(geomipmap_selection_init(&s.selection, &s.tiles));
+                        assert_true(geomipmap_select(&s.selection, &s.tiles, &off, &view));
+                        list_steps(&s, plain);
+                        geomipmap_selection_finish(&s.selection);
+                        s.selection = kept;
+                    }
+                    assert_true(geomipmap_select(&s.selection, &s.tiles, &choice, &view));
+                    list_steps(&s, now);
+                    for (int tile = 0; tile < tiles; tile++) {
+                        if (frame > 0) switches[tile] += switched(before[tile], now[tile]);
+                        if (frame == 0 || now[tile] != GEOMIPMAP_NOTHING) before[tile] = now[tile];
+                        if (on) assert_true(now[tile] <= plain[tile]);
+                        if (on) finer += now[tile] < plain[tile], shown++;
+                        worst[on] = switches[tile] > worst[on] ? switches[tile] : worst[on];
+                    }
+                }
+            }
+            finish_scene(&s);
+        }
+    FIGURE(
+        "%d frames around a switch: a tile switches at most %d times, with hysteresis %d; %.3f %% of tiles "
+        "are finer for it",
+        FRAMES, worst[0], worst[1], 100.0 * (double)finer / (double)shown);
+    assert_true(worst[0] > 1);
+    assert_true(worst[1] <= 1);
+}
+
 static void same_view_same_selection(void **state)
 {
     (void)state;
@@ -397,6 +521,7 @@ int main(void)
         cmocka_unit_test(culling_changes_nothing_that_is_seen),
         cmocka_unit_test(tiles_come_front_to_back),
         cmocka_unit_test(safe_claim_holds_and_paper_breaks),
+        cmocka_unit_test(hysteresis_stops_flicker),
         cmocka_unit_test(same_view_same_selection),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
