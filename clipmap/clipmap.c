@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "clipmap/clipmap.h"
 
+#include "clipmap/clipmap_fit.h"
 #include "clipmap/clipmap_select.h"
 #include "common/report.h"
 
@@ -17,7 +18,11 @@ enum {
     KNOB_CULL,
     KNOB_FACES,
     KNOB_REFILL,
-    KNOB_BUDGET
+    KNOB_BUDGET,
+    KNOB_THROTTLE,
+    KNOB_AHEAD,
+    KNOB_REGIONS,
+    KNOB_SIZES
 };
 
 enum { N_MIN = 15, N_MAX = 1023 };
@@ -40,6 +45,12 @@ static const struct renderer_knob knobs[] = {
     {"budget",
      "samples read a frame, coarse levels first; levels that it does not reach are cropped (0: no limit)", 0,
      0, 1e9, NULL},
+    {"throttle", "share of a level's samples that is drawn: less is faster and coarser", 1, 0.01, 1, NULL},
+    {"ahead", "lines that a refill reads ahead of the motion: fewer refills, more memory", 0, 0, 64, NULL},
+    {"regions", "squares about the viewer, or fitted to what a frustum narrower than 90 degrees sees", 0, 0,
+     1, "viewer|frustum"},
+    {"sizes", "n for every level, or less where the next coarser level errs less for its spacing", 0, 0, 1,
+     "equal|error"},
     {NULL, NULL, 0, 0, 0, NULL},
 };
 
@@ -52,6 +63,8 @@ struct clipmap_view { // the levels about one viewer, and what was selected for 
     struct clipmap_store stores[CLIPMAP_MAX_LEVELS];
     struct clipmap_region regions[CLIPMAP_MAX_LEVELS];
     struct view_origin eyes[CLIPMAP_MAX_LEVELS];
+    struct clipmap_fit fits[CLIPMAP_MAX_LEVELS]; // when regions are fitted to the frustum
+    int64_t eye_lattice[2];                      // of the last update
     struct clipmap_selection selection;
     GLuint heights; // one layer a level
     GLuint corners; // of the selection
@@ -59,6 +72,7 @@ struct clipmap_view { // the levels about one viewer, and what was selected for 
     uint64_t samples_updated; // by the last update
     uint64_t samples_left;    // that this frame may still read
     int levels_behind;        // that do not hold what the viewer wants
+    int levels_read;          // by the last update
 };
 
 struct clipmap_program {
@@ -74,6 +88,7 @@ struct clipmap {
     struct clipmap_choice choice;
     bool front_only; // back faces are culled
     bool rebuild;    // every level is read whole each frame
+    bool fitted;     // regions are fitted to the frustum
     uint64_t budget; // samples a frame and view
     int frame;       // the one begun last
     struct clipmap_mesh mesh;
@@ -160,41 +175,55 @@ static double height_over_ground(const struct terrain *terrain, const struct vie
     return place[2] - (ground_q * info->quantum_m + info->offset_m);
 }
 
-// Section 5: coarse to fine, as far as the budget goes.  The coarsest level is read whole, once and beside
-// the budget: without it there is nothing to draw.
-static void refill(struct clipmap *c, struct clipmap_view *own, double height_m,
-                   struct clipmap_box clips[CLIPMAP_MAX_LEVELS])
+// The way the viewer went since the last update: a sign for each axis.
+static void turn(struct clipmap_view *own, const struct view *view, int heading[2])
 {
-    int coarsest = c->shape.levels - 1;
-    own->samples_updated = 0;
-    own->levels_behind = 0;
-    glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
-    glBindTexture(GL_TEXTURE_2D_ARRAY, own->heights);
-    for (int k = coarsest; k >= 0; k--) {
-        struct clipmap_store *store = &own->stores[k];
-        if (c->rebuild) store->clip = clipmap_empty;
-        struct clipmap_box desired = clipmap_desired(&c->shape, k, &own->eyes[k], height_m);
-        struct clipmap_box target =
-            clipmap_target(&c->shape, k, &store->clip, k < coarsest ? &clips[k + 1] : NULL, &desired);
-        struct layer layer = {c->gpu, k};
-        uint64_t budget = k < coarsest ? own->samples_left : UINT64_MAX;
-        uint64_t samples = clipmap_store_move(store, &target, budget, &c->scratch, write_layer, &layer);
-        if (k < coarsest && c->budget < UINT64_MAX) own->samples_left -= samples;
-        own->samples_updated += samples;
-        own->levels_behind += !clipmap_box_holds(&store->clip, &desired);
-        clips[k] = store->clip;
+    for (int axis = 0; axis < 2; axis++) {
+        int64_t now = view->eye_lattice[axis], before = own->eye_lattice[axis];
+        heading[axis] = (now > before) - (now < before);
+        own->eye_lattice[axis] = now;
     }
 }
 
-// Sections 4 and 5.
+// Moves level k, within the budget unless it is the coarsest: that one is read whole, once, for without it
+// there is nothing to draw.
+static void refill_level(struct clipmap *c, struct clipmap_view *own, int k,
+                         const struct clipmap_box *desired, const int heading[2])
+{
+    struct clipmap_store *store = &own->stores[k];
+    bool limited = k + 1 < c->shape.levels && c->budget < UINT64_MAX;
+    if (c->rebuild) store->clip = clipmap_empty;
+    struct clipmap_box target =
+        clipmap_target(&c->shape, k, &store->clip, &own->stores[k + 1].clip, desired, heading);
+    struct layer layer = {c->gpu, k};
+    uint64_t samples = clipmap_store_move(store, &target, limited ? own->samples_left : UINT64_MAX,
+                                          &c->scratch, write_layer, &layer);
+    if (limited) own->samples_left -= samples;
+    own->samples_updated += samples;
+    own->levels_read += samples > 0;
+    own->levels_behind += !clipmap_box_holds(&store->clip, desired);
+}
+
+// Sections 4 and 5: coarse to fine, as far as the budget goes.
 static void update_view(struct clipmap *c, struct clipmap_view *own, const struct view *view)
 {
     struct clipmap_box clips[CLIPMAP_MAX_LEVELS];
     double height_m = height_over_ground(c->terrain, view);
-    int finest = terrain_info(c->terrain)->finest;
+    int finest = terrain_info(c->terrain)->finest, heading[2];
+    const struct clipmap_fit *fits = c->fitted ? own->fits : NULL;
+    turn(own, view, heading);
     for (int k = 0; k < c->shape.levels; k++) own->eyes[k] = view_level_origin(view, finest + k);
-    refill(c, own, height_m, clips);
-    clipmap_regions(&c->shape, own->eyes, height_m, clips, own->regions);
+    if (c->fitted) clipmap_fit(&c->shape, c->terrain, view, own->eyes, own->fits);
+    own->samples_updated = 0;
+    own->levels_behind = own->levels_read = 0;
+    glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, own->heights);
+    for (int k = c->shape.levels - 1; k >= 0; k--) {
+        struct clipmap_box desired = clipmap_desired(&c->shape, k, &own->eyes[k], height_m, fits);
+        refill_level(c, own, k, &desired, heading);
+        clips[k] = own->stores[k].clip;
+    }
+    clipmap_regions(&c->shape, own->eyes, height_m, fits, clips, own->regions);
     clipmap_select(&own->selection, &c->shape, &c->choice, &c->mesh, own->regions, own->stores, own->eyes,
                    view);
     glBindBuffer(GL_ARRAY_BUFFER, own->corners);
@@ -305,6 +334,7 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
         .resident_bytes = bytes,
         .counters = {{"levels", view->selection.levels},
                      {"samples_updated", (double)samples},
+                     {"levels_read", view->levels_read},
                      {"levels_behind", view->levels_behind},
                      {"blocks", view->selection.blocks},
                      {"culled", view->selection.culled}},
@@ -340,6 +370,14 @@ static bool build_programs(struct clipmap *c, const struct scene_effects *effect
     return true;
 }
 
+static void size_by_error(struct clipmap *c)
+{
+    double error_m[CLIPMAP_MAX_LEVELS];
+    for (int k = 0; k < c->shape.levels; k++)
+        error_m[k] = terrain_level(c->terrain, terrain_info(c->terrain)->finest + k).rms_error_m;
+    clipmap_shape_by_error(&c->shape, error_m);
+}
+
 static bool set_shape(struct clipmap *c, const double *values)
 {
     double n = values[KNOB_N];
@@ -348,15 +386,19 @@ static bool set_shape(struct clipmap *c, const double *values)
     struct clipmap_rules rules = {.n = (int)n,
                                   .transition = values[KNOB_TRANSITION],
                                   .alpha = (enum clipmap_alpha)values[KNOB_ALPHA],
-                                  .fade = values[KNOB_FADE] != 0};
+                                  .fade = values[KNOB_FADE] != 0,
+                                  .throttle = values[KNOB_THROTTLE],
+                                  .ahead = (int)values[KNOB_AHEAD]};
     c->choice = (struct clipmap_choice){.cull = values[KNOB_CULL] != 0,
                                         .stitch = (enum clipmap_stitch)values[KNOB_STITCH]};
     c->front_only = values[KNOB_FACES] != 0;
     c->rebuild = values[KNOB_REFILL] != 0;
+    c->fitted = values[KNOB_REGIONS] != 0;
     const struct terrain_info *info = terrain_info(c->terrain);
     struct terrain_level finest = terrain_level(c->terrain, info->finest);
     clipmap_shape_init(&c->shape, &rules, info->coarsest - info->finest + 1, &finest.extent,
                        fmax(finest.spacing_m[0], finest.spacing_m[1]));
+    if (values[KNOB_SIZES] != 0) size_by_error(c);
     c->budget = values[KNOB_BUDGET] > 0 ? (uint64_t)values[KNOB_BUDGET] : UINT64_MAX;
     if (c->budget < 4 * (uint64_t)c->shape.size)
         return fail("clipmap: budget is %g; 0 or at least %d, four lines of a level, is expected",

@@ -72,6 +72,18 @@ struct clipmap_box clipmap_box_common(const struct clipmap_box *a, const struct 
     return clipmap_box_is_empty(&both) ? clipmap_empty : both;
 }
 
+// The largest odd number that is at most `side`, but no smaller than regions can be (numerics.md, CM3).
+static int odd_side(double side)
+{
+    return (int)fmax(2 * floor((side - 1) / 2) + 1, 11);
+}
+
+static void set_sides(struct clipmap_shape *shape, int k, int n)
+{
+    shape->kept[k] = n;
+    shape->drawn[k] = odd_side(n * sqrt(shape->rules.throttle));
+}
+
 void clipmap_shape_init(struct clipmap_shape *shape, const struct clipmap_rules *rules, int available,
                         const struct terrain_extent *finest, double finest_spacing_m)
 {
@@ -89,9 +101,24 @@ void clipmap_shape_init(struct clipmap_shape *shape, const struct clipmap_rules 
             longest = larger(longest, map->hi[axis] - map->lo[axis] + 1);
         }
         shape->spacing_m[shape->levels] = ldexp(finest_spacing_m, shape->levels);
+        set_sides(shape, shape->levels, rules->n);
         shape->levels++;
-    } while (longest > rules->n && shape->levels < available);
-    shape->size = (int)larger(rules->n, longest) + CLIPMAP_MARGIN;
+    } while (longest > shape->drawn[0] && shape->levels < available);
+    shape->size = (int)larger(rules->n, longest) + CLIPMAP_MARGIN + rules->ahead;
+}
+
+void clipmap_shape_by_error(struct clipmap_shape *shape, const double *error_m)
+{
+    double largest = 0;
+    for (int k = 0; k + 1 < shape->levels; k++)
+        largest = fmax(largest, error_m[k + 1] / shape->spacing_m[k + 1]);
+    if (largest == 0) return; // flat: nothing to tell the levels apart
+    for (int k = 0; k + 1 < shape->levels; k++) {
+        double share = fmax(error_m[k + 1] / shape->spacing_m[k + 1] / largest, 0.5);
+        int n = odd_side(shape->rules.n * share);
+        if (k > 0) n = (int)larger(n, odd_side(0.75 * shape->kept[k - 1]));
+        set_sides(shape, k, n);
+    }
 }
 
 static bool is_coarsest(const struct clipmap_shape *shape, int k)
@@ -99,9 +126,7 @@ static bool is_coarsest(const struct clipmap_shape *shape, int k)
     return k == shape->levels - 1;
 }
 
-// n x n samples, the viewer within one cell of the centre, all four sides on even samples (section 5,
-// constraint 3).
-static struct clipmap_box centred(int n, const struct view_origin *eye)
+struct clipmap_box clipmap_square(int n, const struct view_origin *eye)
 {
     struct clipmap_box box;
     for (int axis = 0; axis < 2; axis++) {
@@ -111,22 +136,26 @@ static struct clipmap_box centred(int n, const struct view_origin *eye)
     return box;
 }
 
-static struct clipmap_box wanted(const struct clipmap_shape *shape, int k,
-                                 const struct clipmap_box *about_viewer, double height_m)
+// square: n x n samples about the viewer.
+static struct clipmap_box wanted(const struct clipmap_shape *shape, int k, int n,
+                                 const struct clipmap_box *square, double height_m,
+                                 const struct clipmap_fit *fits)
 {
     if (is_coarsest(shape, k)) return shape->map[k];
-    if (height_m > 0.4 * shape->rules.n * shape->spacing_m[k]) return clipmap_empty;
-    struct clipmap_box box = clipmap_box_common(about_viewer, &shape->map[k]);
+    if (height_m > 0.4 * n * shape->spacing_m[k]) return clipmap_empty;
+    struct clipmap_box box = clipmap_box_common(square, &shape->map[k]);
+    if (fits) box = clipmap_box_common(&box, &fits[k].seen);
     for (int axis = 0; axis < 2; axis++)
         if (box.hi[axis] - box.lo[axis] < 2) return clipmap_empty;
     return box;
 }
 
 struct clipmap_box clipmap_desired(const struct clipmap_shape *shape, int k, const struct view_origin *eye,
-                                   double height_m)
+                                   double height_m, const struct clipmap_fit *fits)
 {
-    struct clipmap_box about_viewer = centred(shape->rules.n, eye);
-    return wanted(shape, k, &about_viewer, height_m);
+    int n = fits ? fits[k].n : shape->kept[k];
+    struct clipmap_box square = clipmap_square(n, eye);
+    return wanted(shape, k, n, &square, height_m, fits);
 }
 
 // The part of level k that the coarser clip region less one cell covers.
@@ -144,15 +173,19 @@ static struct clipmap_box room_within(const struct clipmap_shape *shape, int k,
     return clipmap_box_is_empty(&room) ? clipmap_empty : room;
 }
 
-// Lines that the viewer has left stay while there is room for them.
-static struct clipmap_box follow(const struct clipmap_box *clip, const struct clipmap_box *desired, int size)
+// Lines that the viewer has left stay while there is room for them; a side that has to move in the direction
+// of the motion goes `ahead` lines farther.
+static struct clipmap_box follow(const struct clipmap_box *clip, const struct clipmap_box *desired, int size,
+                                 int ahead, const int heading[2])
 {
     struct clipmap_box next = *desired, common = clipmap_box_common(clip, desired);
     if (clipmap_box_is_empty(&common)) return next;
     for (int axis = 0; axis < 2; axis++) {
         int64_t lo = smaller(clip->lo[axis], desired->lo[axis]),
                 hi = larger(clip->hi[axis], desired->hi[axis]);
-        bool upwards = desired->hi[axis] > clip->hi[axis];
+        bool upwards = desired->hi[axis] > clip->hi[axis], downwards = desired->lo[axis] < clip->lo[axis];
+        if (upwards && heading[axis] > 0) hi += ahead;
+        if (downwards && heading[axis] < 0) lo -= ahead;
         next.lo[axis] = upwards ? larger(lo, hi - size + 1) : lo;
         next.hi[axis] = upwards ? hi : smaller(hi, lo + size - 1);
     }
@@ -160,13 +193,15 @@ static struct clipmap_box follow(const struct clipmap_box *clip, const struct cl
 }
 
 struct clipmap_box clipmap_target(const struct clipmap_shape *shape, int k, const struct clipmap_box *clip,
-                                  const struct clipmap_box *coarser_clip, const struct clipmap_box *desired)
+                                  const struct clipmap_box *coarser_clip, const struct clipmap_box *desired,
+                                  const int heading[2])
 {
     if (is_coarsest(shape, k)) return shape->map[k];
     struct clipmap_box room = room_within(shape, k, coarser_clip), kept = clipmap_box_common(clip, &room),
                        wanted_here = clipmap_box_common(desired, &room);
     if (clipmap_box_is_empty(&wanted_here)) return kept;
-    return follow(&kept, &wanted_here, shape->size);
+    struct clipmap_box next = follow(&kept, &wanted_here, shape->size, shape->rules.ahead, heading);
+    return clipmap_box_common(&next, &room);
 }
 
 // `step` of `steps` from one box to one around it.
@@ -267,13 +302,19 @@ static void crop(struct clipmap_box *box, const struct clipmap_box *clip,
         if (box->hi[axis] - box->lo[axis] < 2) *box = clipmap_empty;
 }
 
-static void set_active(const struct clipmap_shape *shape, int k, const struct clipmap_box *about_viewer,
-                       double height_m, const struct clipmap_box *clip, const struct clipmap_region *coarser,
-                       struct clipmap_region *region)
+// The square about the viewer that a level's active region is a part of.
+static int side_drawn(const struct clipmap_shape *shape, int k, const struct clipmap_fit *fits)
+{
+    return fits ? fits[k].n : shape->drawn[k];
+}
+
+static void set_active(const struct clipmap_shape *shape, int k, const struct clipmap_box *square,
+                       double height_m, const struct clipmap_fit *fits, const struct clipmap_box *clip,
+                       const struct clipmap_region *coarser, struct clipmap_region *region)
 {
     *region = (struct clipmap_region){.active = clipmap_empty, .hole = clipmap_empty, .width = 1};
     if (coarser && clipmap_box_is_empty(&coarser->active)) return; // then all finer levels are empty too
-    region->active = wanted(shape, k, about_viewer, height_m);
+    region->active = wanted(shape, k, side_drawn(shape, k, fits), square, height_m, fits);
     if (clipmap_box_is_empty(&region->active)) return;
     crop(&region->active, clip, coarser);
     if (!coarser) return;
@@ -326,13 +367,13 @@ static void set_published(struct clipmap_region *region, const struct view_origi
 // when the region snaps: that band ends up to two cells farther in than the perimeter form's, and needs their
 // room.
 static void set_stable(struct clipmap_region *region, const struct view_origin *eye,
-                       const struct clipmap_box *about_viewer, int n, double width, double least)
+                       const struct clipmap_box *square, int n, double width, double least)
 {
     bool room = width + 2 <= least;
     for (int axis = 0; axis < 2; axis++) {
         double middle = (double)eye->fraction[axis], half = (n - 1) / 2;
-        bool low_placed = region->active.lo[axis] == about_viewer->lo[axis];
-        bool high_placed = region->active.hi[axis] == about_viewer->hi[axis];
+        bool low_placed = region->active.lo[axis] == square->lo[axis];
+        bool high_placed = region->active.hi[axis] == square->hi[axis];
         if (region->open[axis])
             region->low[axis] =
                 (float)(room && low_placed ? middle - half + 1
@@ -345,18 +386,20 @@ static void set_stable(struct clipmap_region *region, const struct view_origin *
     region->width = (float)fmin(width, least);
 }
 
-static float fade_of(const struct clipmap_shape *shape, int k, double height_m)
+static float fade_of(const struct clipmap_shape *shape, int k, int n, double height_m)
 {
     if (!shape->rules.fade || is_coarsest(shape, k)) return 0;
-    double share = height_m / (shape->rules.n * shape->spacing_m[k]);
+    double share = height_m / (n * shape->spacing_m[k]);
     return (float)fmin(fmax((share - 0.3) / 0.1, 0), 1);
 }
 
+// n: of the square about the viewer.
 static void set_morph(const struct clipmap_shape *shape, int k, const struct view_origin *eye,
-                      double height_m, const struct clipmap_box *about_viewer, struct clipmap_region *region)
+                      double height_m, int n, const struct clipmap_box *square, struct clipmap_region *region)
 {
     const struct clipmap_rules *rules = &shape->rules;
-    double width = fmax(rules->transition * rules->n, 1), least = least_width(region);
+    int side = shape->drawn[k], finer_side = shape->drawn[k > 0 ? k - 1 : 0];
+    double width = fmax(rules->transition * side, 1), least = least_width(region);
     for (int axis = 0; axis < 2; axis++) {
         region->low[axis] = -far_side;
         region->high[axis] = far_side;
@@ -364,25 +407,27 @@ static void set_morph(const struct clipmap_shape *shape, int k, const struct vie
     if (rules->alpha == CLIPMAP_ALPHA_PUBLISHED) {
         set_published(region, eye, fmin(width, least));
     } else {
-        double uncropped = floor((rules->n - 3) / 4.0); // least_width() of regions that nothing cropped
-        set_stable(region, eye, about_viewer, rules->n, fmin(width, fmax(uncropped - 2, 1)), least);
+        double uncropped =
+            floor((2 * side - finer_side - 3) / 4.0); // least_width() of squares that nothing cropped
+        set_stable(region, eye, square, n, fmin(width, fmax(uncropped - 2, 1)), least);
     }
-    region->fade = fade_of(shape, k, height_m);
+    region->fade = fade_of(shape, k, n, height_m);
 }
 
 void clipmap_regions(const struct clipmap_shape *shape, const struct view_origin *eyes, double height_m,
-                     const struct clipmap_box *clips, struct clipmap_region *regions)
+                     const struct clipmap_fit *fits, const struct clipmap_box *clips,
+                     struct clipmap_region *regions)
 {
-    struct clipmap_box about_viewer[CLIPMAP_MAX_LEVELS];
+    struct clipmap_box squares[CLIPMAP_MAX_LEVELS];
     for (int k = shape->levels - 1; k >= 0; k--) {
-        about_viewer[k] = centred(shape->rules.n, &eyes[k]);
-        set_active(shape, k, &about_viewer[k], height_m, clips ? &clips[k] : NULL,
+        squares[k] = clipmap_square(side_drawn(shape, k, fits), &eyes[k]);
+        set_active(shape, k, &squares[k], height_m, fits, clips ? &clips[k] : NULL,
                    is_coarsest(shape, k) ? NULL : &regions[k + 1], &regions[k]);
     }
     for (int k = 0; k < shape->levels; k++) {
         if (clipmap_box_is_empty(&regions[k].active)) continue;
         if (k > 0) regions[k].hole = hole_of(&regions[k - 1]);
-        set_morph(shape, k, &eyes[k], height_m, &about_viewer[k], &regions[k]);
+        set_morph(shape, k, &eyes[k], height_m, side_drawn(shape, k, fits), &squares[k], &regions[k]);
     }
 }
 

@@ -52,13 +52,17 @@ struct clipmap_rules { // what a user chooses
     int n;             // samples on a side of an active region, odd, at least 11
     double transition; // width of the morph, as a share of n
     enum clipmap_alpha alpha;
-    bool fade; // fade a level before height switches it off (CM6)
+    bool fade;       // fade a level before height switches it off (CM6)
+    double throttle; // share of a level's samples that is drawn, 0 .. 1: complexity throttling, section 1
+    int ahead;       // lines that a refill reads beyond what is wanted, the way the viewer moves: section 5
 };
 
 struct clipmap_shape { // what stays the same in flight
     struct clipmap_rules rules;
     int levels;                                 // the last holds the whole map
     int size;                                   // samples on a side of the toroidal store of a level
+    int kept[CLIPMAP_MAX_LEVELS];               // samples on a side of the square about the viewer in memory
+    int drawn[CLIPMAP_MAX_LEVELS];              // and drawn: throttled, at least 11 (CM3); both odd
     struct clipmap_box map[CLIPMAP_MAX_LEVELS]; // the map, rounded outward to even samples
     double spacing_m[CLIPMAP_MAX_LEVELS];       // larger of x and y
 };
@@ -67,16 +71,35 @@ struct clipmap_shape { // what stays the same in flight
 void clipmap_shape_init(struct clipmap_shape *shape, const struct clipmap_rules *rules, int available,
                         const struct terrain_extent *finest, double finest_spacing_m);
 
-// The active region that level k wants: section 4.  Empty when the viewer is higher than 0.4 n g above
-// ground, or away from the map.
+// A size for each level (section 9): where the next coarser level errs less, it may come nearer to the
+// viewer. error_m[k]: rms error of level k.  Level k gets the share of n that the next coarser level's e / g
+// is of the largest, at least half of n and 3/4 of the next finer level's.
+void clipmap_shape_by_error(struct clipmap_shape *shape, const double *error_m);
+
+// A region fitted to the frustum (clipmap_fit.h): the part `seen`, with sides on even samples, of a square of
+// n x n samples about the viewer, n odd.
+struct clipmap_fit {
+    int n;
+    struct clipmap_box seen;
+};
+
+// n x n samples, the viewer within one cell of the centre, all four sides on even samples (section 5,
+// constraint 3).
+struct clipmap_box clipmap_square(int n, const struct view_origin *eye);
+
+// The samples that level k wants in memory: section 4.  Empty when the viewer is higher than 0.4 n g above
+// ground, or away from the map.  fits: one a level; NULL: squares about the viewer.
 struct clipmap_box clipmap_desired(const struct clipmap_shape *shape, int k, const struct view_origin *eye,
-                                   double height_m);
+                                   double height_m, const struct clipmap_fit *fits);
 
 // What the memory of level k should hold next: `desired` and as much of `clip` as fits in size x size
 // samples, all within the coarser clip region less one cell (section 5, constraint 1; at the map's edge there
-// is no coarser sample to spare).  What of `clip` is outside of it is to be forgotten.
+// is no coarser sample to spare).  What of `clip` is outside of it is to be forgotten.  heading: signs of the
+// viewer's motion in x and y; a side that has to move that way moves by rules.ahead lines more, so that it
+// moves less often.  coarser_clip is not looked at for the coarsest level.
 struct clipmap_box clipmap_target(const struct clipmap_shape *shape, int k, const struct clipmap_box *clip,
-                                  const struct clipmap_box *coarser_clip, const struct clipmap_box *desired);
+                                  const struct clipmap_box *coarser_clip, const struct clipmap_box *desired,
+                                  const int heading[2]);
 
 // The largest box on the way from `kept`, a part of `target`, to `target` that reads at most `budget`
 // samples: all sides move outwards, each by the same share of its way.  An empty `kept` starts in the middle.
@@ -101,10 +124,11 @@ struct clipmap_region {
     float low[2], high[2], width, fade;
 };
 
-// Crops coarse to fine (section 6.1) and sets the morph.  eyes[k]: the eye in the grid of level k.  clips[k]:
-// samples in memory; NULL: all there is.
+// Crops coarse to fine (section 6.1) and sets the morph.  eyes[k]: the eye in the grid of level k.  fits: as
+// for clipmap_desired.  clips[k]: samples in memory; NULL: all there is.
 void clipmap_regions(const struct clipmap_shape *shape, const struct view_origin *eyes, double height_m,
-                     const struct clipmap_box *clips, struct clipmap_region *regions);
+                     const struct clipmap_fit *fits, const struct clipmap_box *clips,
+                     struct clipmap_region *regions);
 
 // The morph in float32, step by step as the vertex program does it.
 float clipmap_alpha_at(const struct clipmap_region *region, enum clipmap_alpha form, int cell_x, int cell_y);

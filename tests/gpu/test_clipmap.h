@@ -138,7 +138,8 @@ static inline uint64_t capture_hash(struct fixture *f, struct renderer *renderer
 }
 
 // Above the ground of the map by `low` .. `high` metres, looking anywhere, rolled.
-static inline struct view view_over(const struct terrain *terrain, uint64_t *seed, double low, double high)
+static inline struct view view_through(const struct terrain *terrain, uint64_t *seed, double low, double high,
+                                       double narrow, double wide)
 {
     const struct terrain_info *info = terrain_info(terrain);
     const double *o = info->outline_m;
@@ -146,7 +147,7 @@ static inline struct view view_over(const struct terrain *terrain, uint64_t *see
                             .yaw = test_uniform(seed, -4, 4),
                             .pitch = test_uniform(seed, -1.5, 0.3),
                             .roll = test_uniform(seed, -0.5, 0.5),
-                            .fov_vertical = test_uniform(seed, 0.5, 1.6)};
+                            .fov_vertical = test_uniform(seed, narrow, wide)};
     double ground_q = 0;
     assert_true(terrain_truth_at(terrain, camera.eye_m[0], camera.eye_m[1], &ground_q, NULL));
     camera.eye_m[2] =
@@ -154,6 +155,11 @@ static inline struct view view_over(const struct terrain *terrain, uint64_t *see
     struct view view;
     view_init(&view, terrain, &camera, WIDTH, HEIGHT, 0);
     return view;
+}
+
+static inline struct view view_over(const struct terrain *terrain, uint64_t *seed, double low, double high)
+{
+    return view_through(terrain, seed, low, high, 0.5, 1.6);
 }
 
 static const struct test_map hills = {.width = 1025,

@@ -22,7 +22,7 @@ struct world {
 
 static struct clipmap_rules rules_of(int n, enum clipmap_alpha alpha)
 {
-    return (struct clipmap_rules){.n = n, .transition = 0.1, .alpha = alpha, .fade = true};
+    return (struct clipmap_rules){.n = n, .transition = 0.1, .alpha = alpha, .fade = true, .throttle = 1};
 }
 
 static void world_init(struct world *world, const struct clipmap_rules *rules, int64_t x0, int64_t y0,
@@ -61,7 +61,7 @@ static void lag(struct world *world, uint64_t *seed)
         struct clipmap_box *clip = &world->clips[k];
         *clip = world->shape.map[k];
         if (k == world->shape.levels - 1) continue;
-        struct clipmap_box desired = clipmap_desired(&world->shape, k, &world->eyes[k], 0);
+        struct clipmap_box desired = clipmap_desired(&world->shape, k, &world->eyes[k], 0, NULL);
         *clip = desired;
         int n = world->shape.rules.n;
         for (int axis = 0; axis < 2; axis++) {
@@ -147,19 +147,51 @@ static uint64_t hole_vertices_morphed(const struct world *world)
 
 // ---- B1 --------------------------------------------------------------------
 
-static void b1_count(enum clipmap_alpha alpha, bool cropped, uint64_t bad[2], uint64_t *sides,
+enum variety { WHOLE, CROPPED, VARIED };
+
+// Throttled, a size for each level, regions that are any part of larger squares.
+static void vary(struct world *world, struct clipmap_fit fits[CLIPMAP_MAX_LEVELS], uint64_t *seed)
+{
+    double error_m[CLIPMAP_MAX_LEVELS];
+    for (int k = 0; k < world->shape.levels; k++)
+        error_m[k] = world->shape.spacing_m[k] * test_uniform(seed, 0, 1);
+    clipmap_shape_by_error(&world->shape, error_m);
+    for (int k = 0; k < world->shape.levels; k++) {
+        int side = world->shape.drawn[k];
+        fits[k].n = side + 2 * (int)(test_random(seed) % (uint64_t)(side / 2));
+        fits[k].seen = clipmap_square(fits[k].n, &world->eyes[k]);
+        for (int axis = 0; axis < 2; axis++) {
+            int64_t spare = (fits[k].n - side) / 2,
+                    skip = 2 * (int64_t)(test_random(seed) % (uint64_t)(spare + 1));
+            fits[k].seen.lo[axis] += skip;
+            fits[k].seen.hi[axis] = fits[k].seen.lo[axis] + side - 1;
+        }
+    }
+}
+
+static void check_nesting(const struct world *world, const struct clipmap_box *clips);
+
+static void b1_count(enum clipmap_alpha alpha, enum variety variety, uint64_t bad[2], uint64_t *sides,
                      uint64_t *viewers)
 {
+    static const double shares[] = {1, 0.5, 0.25};
     uint64_t seed = 1;
     for (int s = 0; s < SIZES; s++) {
-        struct clipmap_rules rules = rules_of(sizes[s], alpha);
-        struct world world;
-        world_init(&world, &rules, -MAP_SIDE / 3, -7, MAP_SIDE, MAP_SIDE + 5);
         int count = test_size(20000 / sizes[s], 100000 / SIZES);
         for (int i = 0; i < count; i++, ++*viewers) {
+            struct clipmap_rules rules = rules_of(sizes[s], alpha);
+            struct clipmap_fit fits[CLIPMAP_MAX_LEVELS];
+            struct world world;
+            rules.throttle = variety == VARIED ? shares[i % 3] : 1;
+            world_init(&world, &rules, -MAP_SIDE / 3, -7, MAP_SIDE, MAP_SIDE + 5);
             stand_anywhere(&world, &seed);
             lag(&world, &seed);
-            clipmap_regions(&world.shape, world.eyes, 0, cropped ? world.clips : NULL, world.regions);
+            if (variety == VARIED) vary(&world, fits, &seed);
+            const struct clipmap_box *clips =
+                variety == CROPPED || (variety == VARIED && i % 4 == 0) ? world.clips : NULL;
+            clipmap_regions(&world.shape, world.eyes, 0, variety == VARIED && i % 2 ? fits : NULL, clips,
+                            world.regions);
+            check_nesting(&world, clips);
             bad[0] += cracks(&world, sides);
             bad[1] += hole_vertices_morphed(&world);
         }
@@ -169,12 +201,13 @@ static void b1_count(enum clipmap_alpha alpha, bool cropped, uint64_t bad[2], ui
 static void b1_levels_meet_bit_for_bit(void **state)
 {
     (void)state;
-    for (int cropped = 0; cropped < 2; cropped++) {
+    static const char *const names[] = {"whole", "cropped", "varied"};
+    for (int variety = WHOLE; variety <= VARIED; variety++) {
         uint64_t bad[2] = {0, 0}, sides = 0, viewers = 0;
-        b1_count(CLIPMAP_ALPHA_STABLE, cropped, bad, &sides, &viewers);
+        b1_count(CLIPMAP_ALPHA_STABLE, (enum variety)variety, bad, &sides, &viewers);
         FIGURE(
             "B1 %s: %lu viewers, %lu open sides, %lu vertices off the coarser surface, %lu morphed at a hole",
-            cropped ? "cropped" : "whole", viewers, sides, bad[0], bad[1]);
+            names[variety], viewers, sides, bad[0], bad[1]);
         assert_true(sides > viewers);
         assert_int_equal(bad[0], 0);
         assert_int_equal(bad[1], 0);
@@ -185,7 +218,7 @@ static void b1_published_alpha_cracks(void **state)
 {
     (void)state;
     uint64_t bad[2] = {0, 0}, sides = 0, viewers = 0;
-    b1_count(CLIPMAP_ALPHA_PUBLISHED, true, bad, &sides, &viewers);
+    b1_count(CLIPMAP_ALPHA_PUBLISHED, CROPPED, bad, &sides, &viewers);
     FIGURE("B1 published, cropped: %lu vertices off the coarser surface, %lu morphed at a hole", bad[0],
            bad[1]);
     assert_true(bad[0] > 0);
@@ -288,13 +321,36 @@ static void regions_nest(void **state)
                        (int64_t)(test_random(&seed) % 99) - 50, width, height);
             stand_anywhere(&world, &seed);
             lag(&world, &seed);
-            clipmap_regions(&world.shape, world.eyes, 0, NULL, world.regions);
+            clipmap_regions(&world.shape, world.eyes, 0, NULL, NULL, world.regions);
             check_nesting(&world, NULL);
-            clipmap_regions(&world.shape, world.eyes, 0, world.clips, world.regions);
+            clipmap_regions(&world.shape, world.eyes, 0, NULL, world.clips, world.regions);
             check_nesting(&world, world.clips);
             const struct clipmap_box *coarsest = &world.regions[world.shape.levels - 1].active;
             assert_true(clipmap_box_equal(coarsest, &world.shape.map[world.shape.levels - 1]));
         }
+}
+
+static void sizes_follow_the_error_and_the_throttle(void **state)
+{
+    (void)state;
+    struct clipmap_rules rules = rules_of(127, CLIPMAP_ALPHA_STABLE);
+    struct world world;
+    world_init(&world, &rules, 0, 0, 5000, 5000);
+    const int levels = world.shape.levels;
+    double error_m[CLIPMAP_MAX_LEVELS] = {0};
+    clipmap_shape_by_error(&world.shape, error_m);
+    for (int k = 0; k < levels; k++) assert_int_equal(world.shape.kept[k], 127);
+    for (int k = 1; k < levels; k++) error_m[k] = world.shape.spacing_m[k] * (k == 3 ? 1 : 0.7);
+    clipmap_shape_by_error(&world.shape, error_m);
+    for (int k = 0; k + 1 < levels; k++) // 0.7 of 127 is 88.9, 3/4 of 127 is 95.25
+        assert_int_equal(world.shape.kept[k], k == 2 ? 127 : k == 3 ? 95 : 87);
+    rules.throttle = 0.25;
+    world_init(&world, &rules, 0, 0, 5000, 5000);
+    assert_int_equal(world.shape.levels, levels + 1); // the level that holds the whole map is throttled too
+    for (int k = 0; k <= levels; k++) {
+        assert_int_equal(world.shape.kept[k], 127);
+        assert_int_equal(world.shape.drawn[k], 63);
+    }
 }
 
 static void viewer_is_within_a_cell_of_the_centre(void **state)
@@ -307,7 +363,7 @@ static void viewer_is_within_a_cell_of_the_centre(void **state)
     for (int i = 0; i < 10000; i++) {
         stand(&world, test_uniform(&seed, -1000, 1000), test_uniform(&seed, -1000, 1000));
         for (int k = 0; k + 6 < world.shape.levels; k++) {
-            struct clipmap_box box = clipmap_desired(&world.shape, k, &world.eyes[k], 0);
+            struct clipmap_box box = clipmap_desired(&world.shape, k, &world.eyes[k], 0, NULL);
             for (int axis = 0; axis < 2; axis++) {
                 double centre = (double)(box.lo[axis] + box.hi[axis]) / 2;
                 double eye = (double)world.eyes[k].base[axis] + (double)world.eyes[k].fraction[axis];
@@ -333,7 +389,7 @@ static void small_maps_are_covered(void **state)
             int64_t x0 = (int64_t)(test_random(&seed) % 9) - 4, y0 = (int64_t)(test_random(&seed) % 9) - 4;
             world_init(&world, &rules, x0, y0, maps[m][0], maps[m][1]);
             stand(&world, test_uniform(&seed, -3000, 3000), test_uniform(&seed, -3000, 3000));
-            clipmap_regions(&world.shape, world.eyes, test_uniform(&seed, 0, 50), NULL, world.regions);
+            clipmap_regions(&world.shape, world.eyes, test_uniform(&seed, 0, 50), NULL, NULL, world.regions);
             int k = world.shape.levels - 1;
             const struct clipmap_box *drawn_box = &world.regions[k].active;
             assert_true(drawn_box->lo[0] * (1 << k) <= x0 &&
@@ -358,7 +414,7 @@ static double largest_step(bool fade)
     double largest = 0, before = 0;
     for (int frame = 0; frame <= 60; frame++) {
         double height = 0.01 * frame * rules.n;
-        clipmap_regions(&world.shape, world.eyes, height, NULL, world.regions);
+        clipmap_regions(&world.shape, world.eyes, height, NULL, NULL, world.regions);
         bool gone = clipmap_box_is_empty(&world.regions[0].active);
         double now = gone ? 1 : (double)world.regions[0].fade;
         largest = fmax(largest, now - before);
@@ -464,8 +520,8 @@ static void walks_through_zero_are_like_any_other(void **state)
         for (int axis = 0; axis < 2; axis++)
             there.view.eye_lattice[axis] = here.view.eye_lattice[axis] + (shift << 8);
         for (int k = 0; k < there.shape.levels; k++) there.eyes[k] = view_level_origin(&there.view, k);
-        clipmap_regions(&here.shape, here.eyes, 0, NULL, here.regions);
-        clipmap_regions(&there.shape, there.eyes, 0, NULL, there.regions);
+        clipmap_regions(&here.shape, here.eyes, 0, NULL, NULL, here.regions);
+        clipmap_regions(&there.shape, there.eyes, 0, NULL, NULL, there.regions);
         for (int k = 0; k < here.shape.levels; k++) {
             const struct clipmap_region *a = &here.regions[k], *b = &there.regions[k];
             for (int axis = 0; axis < 2; axis++) {
@@ -492,11 +548,13 @@ static void b7_jitter_reads_once(void **state)
     for (int swing = 0; swing < 200; swing++) {
         double off = (swing & 1 ? 1 : -1) * ldexp(1, -world.view.lattice_bits); // the lattice swallows 1e-6
         stand(&world, 2048 + off, 2048 + off);
+        const int heading[2] = {swing & 1 ? 1 : -1, swing & 1 ? 1 : -1};
         world.clips[world.shape.levels - 1] = world.shape.map[world.shape.levels - 1];
         for (int k = world.shape.levels - 2; k >= 0; k--) {
-            struct clipmap_box desired = clipmap_desired(&world.shape, k, &world.eyes[k], 0), exposed[4];
+            struct clipmap_box desired = clipmap_desired(&world.shape, k, &world.eyes[k], 0, NULL),
+                               exposed[4];
             struct clipmap_box now =
-                clipmap_target(&world.shape, k, &world.clips[k], &world.clips[k + 1], &desired);
+                clipmap_target(&world.shape, k, &world.clips[k], &world.clips[k + 1], &desired, heading);
             uint64_t samples = 0;
             int count = clipmap_exposed(&world.clips[k], &now, exposed);
             for (int e = 0; e < count; e++) samples += clipmap_box_samples(&exposed[e]);
@@ -523,6 +581,7 @@ int main(void)
         cmocka_unit_test(b2_shared_vertices_are_bitwise_equal),
         cmocka_unit_test(b2_too_fine_a_lattice_fails),
         cmocka_unit_test(regions_nest),
+        cmocka_unit_test(sizes_follow_the_error_and_the_throttle),
         cmocka_unit_test(viewer_is_within_a_cell_of_the_centre),
         cmocka_unit_test(small_maps_are_covered),
         cmocka_unit_test(cm6_levels_fade_with_height),

@@ -14,13 +14,13 @@ struct world {
 static void world_at(struct world *world, int n, int64_t width, int64_t height, double x, double y)
 {
     const struct clipmap_rules rules = {
-        .n = n, .transition = 0.1, .alpha = CLIPMAP_ALPHA_STABLE, .fade = true};
+        .n = n, .transition = 0.1, .alpha = CLIPMAP_ALPHA_STABLE, .fade = true, .throttle = 1};
     const struct terrain_extent extent = {-width / 2, -7, -width / 2 + width, -7 + height};
     struct view view = {.lattice_bits = 8, .eye_lattice = {llround(x * 256), llround(y * 256)}};
     memset(world, 0, sizeof *world);
     clipmap_shape_init(&world->shape, &rules, CLIPMAP_MAX_LEVELS, &extent, 1);
     for (int k = 0; k < world->shape.levels; k++) world->eyes[k] = view_level_origin(&view, k);
-    clipmap_regions(&world->shape, world->eyes, 0, NULL, world->regions);
+    clipmap_regions(&world->shape, world->eyes, 0, NULL, NULL, world->regions);
 }
 
 // Clip regions that lag behind at random: what is left of the levels must close just the same.
@@ -29,7 +29,7 @@ static void crop(struct world *world, uint64_t *seed)
     struct clipmap_box clips[CLIPMAP_MAX_LEVELS];
     for (int k = 0; k < world->shape.levels; k++) {
         clips[k] = k == world->shape.levels - 1 ? world->shape.map[k]
-                                                : clipmap_desired(&world->shape, k, &world->eyes[k], 0);
+                                                : clipmap_desired(&world->shape, k, &world->eyes[k], 0, NULL);
         for (int axis = 0; k < world->shape.levels - 1 && axis < 2; axis++) {
             int64_t shift = (int64_t)(test_random(seed) % (uint64_t)world->shape.rules.n) / 2;
             if (test_random(seed) % 2) shift = -shift;
@@ -37,7 +37,7 @@ static void crop(struct world *world, uint64_t *seed)
             clips[k].hi[axis] += shift;
         }
     }
-    clipmap_regions(&world->shape, world->eyes, 0, clips, world->regions);
+    clipmap_regions(&world->shape, world->eyes, 0, NULL, clips, world->regions);
 }
 
 // ---- lists -----------------------------------------------------------------

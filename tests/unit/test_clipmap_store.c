@@ -136,19 +136,22 @@ static void check_contents(const struct clipmap_store *store, const struct memor
 struct levels {
     struct clipmap_shape shape;
     struct view view;
+    int64_t before[2]; // the eye at the last update
     struct clipmap_store stores[CLIPMAP_MAX_LEVELS];
     struct memory memories[CLIPMAP_MAX_LEVELS];
     struct clipmap_scratch scratch;
     struct clipmap_box desired[CLIPMAP_MAX_LEVELS];
 };
 
-static void levels_init(struct levels *levels, const struct terrain *terrain, int n)
+static void levels_init(struct levels *levels, const struct terrain *terrain, int n, int ahead)
 {
     const struct terrain_info *info = terrain_info(terrain);
     const struct terrain_extent extent = terrain_level(terrain, info->finest).extent;
-    const struct clipmap_rules rules = {.n = n, .transition = 0.1, .alpha = CLIPMAP_ALPHA_STABLE};
+    const struct clipmap_rules rules = {
+        .n = n, .transition = 0.1, .alpha = CLIPMAP_ALPHA_STABLE, .throttle = 1, .ahead = ahead};
     clipmap_shape_init(&levels->shape, &rules, info->coarsest - info->finest + 1, &extent, 1);
     levels->view = (struct view){.lattice_bits = 8};
+    memset(levels->before, 0, sizeof levels->before);
     for (int k = 0; k < levels->shape.levels; k++) {
         memory_init(&levels->memories[k], levels->shape.size);
         assert_true(clipmap_store_init(&levels->stores[k], terrain, info->finest + k,
@@ -194,15 +197,21 @@ static void check_nested(const struct levels *levels, int k)
 static uint64_t update(struct levels *levels, uint64_t budget)
 {
     uint64_t left = budget;
+    int heading[2];
+    for (int axis = 0; axis < 2; axis++) {
+        int64_t moved = levels->view.eye_lattice[axis] - levels->before[axis];
+        heading[axis] = (moved > 0) - (moved < 0);
+        levels->before[axis] += moved;
+    }
     int coarsest = levels->shape.levels - 1;
     for (int k = coarsest; k >= 0; k--) {
         struct clipmap_store *store = &levels->stores[k];
         struct memory *memory = &levels->memories[k];
         struct view_origin eye = view_level_origin(&levels->view, k);
-        levels->desired[k] = clipmap_desired(&levels->shape, k, &eye, 0);
+        levels->desired[k] = clipmap_desired(&levels->shape, k, &eye, 0, NULL);
         struct clipmap_box before = store->clip,
-                           target = clipmap_target(&levels->shape, k, &store->clip,
-                                                   k < coarsest ? &store[1].clip : NULL, &levels->desired[k]);
+                           target = clipmap_target(&levels->shape, k, &store->clip, &store[1].clip,
+                                                   &levels->desired[k], heading);
         memset(memory->writes, 0, (size_t)memory->size * (size_t)memory->size * sizeof *memory->writes);
         uint64_t samples = clipmap_store_move(store, &target, k < coarsest ? left : UINT64_MAX,
                                               &levels->scratch, write_memory, memory);
@@ -243,7 +252,7 @@ static void step(struct levels *levels, uint64_t *seed)
 static void walk(const struct terrain *terrain, int n, int steps, uint64_t *seed, uint64_t *behind)
 {
     struct levels levels;
-    levels_init(&levels, terrain, n);
+    levels_init(&levels, terrain, n, (int)(test_random(seed) % 3 * 6));
     uint64_t least = 4 * (uint64_t)levels.shape.size;
     for (int i = 0; i < steps; i++) {
         step(&levels, seed);
@@ -281,7 +290,7 @@ static void b8_a_teleport_fills_coarse_to_fine(void **state)
     for (int s = 0; s < 3; s++) {
         int n = sizes[s];
         struct levels levels;
-        levels_init(&levels, terrain, n);
+        levels_init(&levels, terrain, n, 0);
         int followers = levels.shape.levels - 1;
         for (int frame = 1; frame <= followers; frame++) {
             update(&levels, (uint64_t)(n * n));
@@ -300,6 +309,42 @@ static void b8_a_teleport_fills_coarse_to_fine(void **state)
         for (int k = 0; k < levels.shape.levels; k++)
             check_contents(&levels.stores[k], &levels.memories[k], &levels.scratch);
         levels_finish(&levels);
+    }
+    terrain_destroy(terrain);
+}
+
+// Refills of each level on a straight way: a side moves `ahead` + 2 lines at a time instead of 2.
+static void ahead_of_the_motion_refills_are_fewer(void **state)
+{
+    (void)state;
+    struct terrain *terrain = test_terrain(&hills);
+    enum { N = 31, WAY = 256, AHEAD = 6 };
+    for (int turns = 0; turns < 2; turns++) {
+        int64_t direction = turns ? -1 : 1;
+        uint64_t refills[2][CLIPMAP_MAX_LEVELS] = {{0}};
+        for (int with = 0; with < 2; with++) {
+            struct levels levels;
+            levels_init(&levels, terrain, N, with ? AHEAD : 0);
+            for (int cell = 0; cell <= WAY; cell++) {
+                levels.view.eye_lattice[0] = direction * (cell - WAY / 2) * 256;
+                struct clipmap_box before[CLIPMAP_MAX_LEVELS];
+                for (int k = 0; k < levels.shape.levels; k++) before[k] = levels.stores[k].clip;
+                update(&levels, UINT64_MAX);
+                assert_int_equal(levels_behind(&levels), 0);
+                for (int k = 0; k < levels.shape.levels; k++)
+                    refills[with][k] += !clipmap_box_equal(&before[k], &levels.stores[k].clip);
+            }
+            for (int k = 0; k < levels.shape.levels; k++)
+                check_contents(&levels.stores[k], &levels.memories[k], &levels.scratch);
+            levels_finish(&levels);
+        }
+        for (int k = 0; k < 3; k++) { // coarser levels reach the map's edge
+            uint64_t lines = WAY >> k;
+            FIGURE("ahead, level %d: %lu refills on a way of %lu lines, %lu with %d lines ahead", k,
+                   refills[0][k], lines, refills[1][k], AHEAD);
+            assert_true(refills[0][k] >= lines / 2); // the first is the fill
+            assert_true(refills[1][k] <= lines / (AHEAD + 2) + 2);
+        }
     }
     terrain_destroy(terrain);
 }
@@ -379,6 +424,7 @@ int main(void)
         cmocka_unit_test(b4_z_c_is_the_coarser_surface),
         cmocka_unit_test(b6_walks_leave_what_a_fresh_build_has),
         cmocka_unit_test(b8_a_teleport_fills_coarse_to_fine),
+        cmocka_unit_test(ahead_of_the_motion_refills_are_fewer),
         cmocka_unit_test(b6_sees_a_slip),
         cmocka_unit_test(bounds_hold_and_do_not_depend_on_the_way),
     };
