@@ -19,6 +19,7 @@ enum {
     KNOB_BORDERS,
     KNOB_INDICES,
     KNOB_HYSTERESIS,
+    KNOB_MORPH,
     KNOB_CULL,
     KNOB_FACES,
     KNOB_CACHE
@@ -43,6 +44,8 @@ static const struct renderer_knob knobs[] = {
     {"hysteresis",
      "share of tau by which a tile must be better before it grows coarser; 0: levels may flicker", 0, 0, 0.9,
      NULL},
+    {"morph", "vertices move towards the next coarser level before it is drawn: no popping, more time", 0, 0,
+     1, "off|on"},
     {"cull", "draw only tiles that the frustum meets", 1, 0, 1, "off|on"},
     {"faces",
      "triangles drawn: both sides of the surface, or only those that face the eye (may drop a pixel)", 0, 0,
@@ -54,7 +57,7 @@ static const struct renderer_knob knobs[] = {
 static const double quick_tau[] = {8, 4, 2, 1, 0.5, NAN};
 static const double full_tau[] = {8, 4, 2, 1, 0.5, 0.25, 0.125, NAN};
 
-enum { FIRST_ROOM = 64, PLACES_UNIT = 0 };
+enum { FIRST_ROOM = 64, PLACES_UNIT = 0, HEIGHTS_UNIT, MORPHS_UNIT };
 
 struct texel { // of the places buffer, one a slot
     int32_t cell[2], base, height;
@@ -71,11 +74,14 @@ struct geomipmap_view { // what was selected for one view
     GLint eye_cell[2];
     float eye_fraction[2];
     uint64_t triangles;
+    float (*morphs)[8]; // by slot: what the vertex program reads; NULL without morphing
+    int morph_room;     // slots in it
+    GLuint morph_buffer, morph_texture;
 };
 
 struct geomipmap_program {
     struct gpu_program program;
-    GLint eye_cell, eye_fraction, spacing, places;
+    GLint eye_cell, eye_fraction, spacing, places, heights, morphs;
 };
 
 struct geomipmap {
@@ -93,7 +99,7 @@ struct geomipmap {
     bool streamed;   // the frame needs more tiles than the cache may hold: draw() uploads in batches
 
     struct geomipmap_program programs[PASS_COUNT];
-    GLuint vertex_array, indices, vertices, places, places_texture;
+    GLuint vertex_array, indices, vertices, places, places_texture, heights_texture;
     int room;             // slots in `vertices` and `places`
     int tile_vertices;    // in a slot
     size_t vertex_bytes;  // 2, or 4 for terrain whose tiles need more than 16 bits
@@ -134,6 +140,10 @@ static void resize_slots(struct geomipmap *g, int room)
     glActiveTexture(GL_TEXTURE0 + PLACES_UNIT);
     glBindTexture(GL_TEXTURE_BUFFER, g->places_texture);
     glTexBuffer(GL_TEXTURE_BUFFER, GL_RGBA32I, g->places);
+    if (!g->choice.morph) return;
+    glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
+    glBindTexture(GL_TEXTURE_BUFFER, g->heights_texture);
+    glTexBuffer(GL_TEXTURE_BUFFER, g->vertex_bytes == 2 ? GL_R16UI : GL_R32I, g->vertices);
 }
 
 static void copy_slot(struct geomipmap *g, int from, int to)
@@ -178,6 +188,40 @@ static void add_draws(const struct geomipmap *g, struct geomipmap_view *view, in
     }
 }
 
+static void set_morph(struct geomipmap_view *view, const struct geomipmap_pick *pick, int slot)
+{
+    float *texel = view->morphs[slot];
+    int levels = 0;
+    for (int side = 0; side < GEOMIPMAP_SIDES; side++) {
+        texel[side] = pick->hem[side].morph;
+        levels |= pick->hem[side].level << 3 * side;
+    }
+    texel[4] = pick->morph;
+    texel[5] = (float)pick->level;
+    texel[6] = (float)levels;
+}
+
+static bool reserve_morphs(struct geomipmap *g, struct geomipmap_view *view)
+{
+    if (!g->choice.morph || view->morph_room >= g->room) return true;
+    float(*morphs)[8] = realloc(view->morphs, (size_t)g->room * sizeof *morphs);
+    if (!morphs) return fail("geomipmap: no memory to morph %d tiles", g->room);
+    view->morphs = morphs;
+    view->morph_room = g->room;
+    return true;
+}
+
+static void upload_morphs(struct geomipmap *g, struct geomipmap_view *view)
+{
+    size_t bytes = (size_t)g->cache.slot_count * sizeof *view->morphs;
+    if (!g->choice.morph || bytes == 0) return;
+    glBindBuffer(GL_TEXTURE_BUFFER, view->morph_buffer);
+    gpu_buffer_data(g->gpu, GL_TEXTURE_BUFFER, bytes, view->morphs, GL_STREAM_DRAW);
+    glActiveTexture(GL_TEXTURE0 + MORPHS_UNIT);
+    glBindTexture(GL_TEXTURE_BUFFER, view->morph_texture);
+    glTexBuffer(GL_TEXTURE_BUFFER, GL_RGBA32F, view->morph_buffer);
+}
+
 // Makes sure that picks from `start` are in the buffer and fills the view's list with their draws.  Returns
 // the number of picks done: all, or as many as the cache takes in one batch.
 static int gather(struct geomipmap *g, struct geomipmap_view *view, int start)
@@ -191,9 +235,12 @@ static int gather(struct geomipmap *g, struct geomipmap_view *view, int start)
             geomipmap_cache_find(&g->cache, geomipmap_tiles_number(&g->tiles, pick->place), &slot);
         if (found == GEOMIPMAP_FULL) break;
         if (slot >= g->room) resize_slots(g, 2 * g->room);
+        if (!reserve_morphs(g, view)) break;
         if (found == GEOMIPMAP_MISS) upload_tile(g, pick->place, slot);
         add_draws(g, view, pick->set, slot);
+        if (g->choice.morph) set_morph(view, pick, slot);
     }
+    upload_morphs(g, view);
     return done;
 }
 
@@ -281,6 +328,14 @@ static void bind(struct geomipmap *g, const struct geomipmap_view *view, enum re
     glUniform2fv(program->eye_fraction, 1, view->eye_fraction);
     glUniform2f(program->spacing, (float)g->tiles.spacing_m[0], (float)g->tiles.spacing_m[1]);
     glUniform1i(program->places, PLACES_UNIT);
+    if (g->choice.morph) {
+        glUniform1i(program->heights, HEIGHTS_UNIT);
+        glUniform1i(program->morphs, MORPHS_UNIT);
+        glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
+        glBindTexture(GL_TEXTURE_BUFFER, g->heights_texture);
+        glActiveTexture(GL_TEXTURE0 + MORPHS_UNIT);
+        glBindTexture(GL_TEXTURE_BUFFER, view->morph_texture);
+    }
     glBindVertexArray(g->vertex_array);
     glActiveTexture(GL_TEXTURE0 + PLACES_UNIT);
     glBindTexture(GL_TEXTURE_BUFFER, g->places_texture);
@@ -339,8 +394,9 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
 
 static bool build_programs(struct geomipmap *g, const struct scene_effects *effects)
 {
-    char defines[64];
-    snprintf(defines, sizeof defines, "#define TILE_ROW %d\n", (1 << g->tiles.bits) + 1);
+    char defines[128];
+    snprintf(defines, sizeof defines, "#define TILE_ROW %d\n%s#define HEIGHTS %s\n", (1 << g->tiles.bits) + 1,
+             g->choice.morph ? "#define MORPH\n" : "", g->tiles.wide ? "isamplerBuffer" : "usamplerBuffer");
     for (int pass = 0; pass < PASS_COUNT; pass++) {
         struct geomipmap_program *p = &g->programs[pass];
         if (!gpu_program_build(g->gpu, &p->program, "geomipmap/geomipmap.vert", defines, effects,
@@ -350,6 +406,8 @@ static bool build_programs(struct geomipmap *g, const struct scene_effects *effe
         p->eye_fraction = glGetUniformLocation(p->program.name, "eye_fraction");
         p->spacing = glGetUniformLocation(p->program.name, "spacing");
         p->places = glGetUniformLocation(p->program.name, "places");
+        p->heights = glGetUniformLocation(p->program.name, "heights");
+        p->morphs = glGetUniformLocation(p->program.name, "morphs");
     }
     return true;
 }
@@ -363,13 +421,14 @@ static bool allocate(struct geomipmap *g)
     return (g->heights && g->heights_16) || fail("geomipmap: no memory for the heights of a tile");
 }
 
-// Slots are numbered by texels of the places buffer, and vertices by int.
+// Slots are numbered by texels of the places buffer, and vertices by int; morphing reads both by texels.
 static int most_slots(const struct geomipmap *g, double knob)
 {
     GLint texels;
     glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &texels);
     int limit = INT_MAX / g->tile_vertices;
     if (limit > texels) limit = texels;
+    if (g->choice.morph && limit > texels / g->tile_vertices) limit = texels / g->tile_vertices;
     return knob >= 1 && knob < limit ? (int)knob : limit;
 }
 
@@ -382,6 +441,11 @@ static void create_buffers(struct geomipmap *g)
     gpu_buffer_data(g->gpu, GL_ELEMENT_ARRAY_BUFFER, g->mesh.index_count * sizeof *g->mesh.indices,
                     g->mesh.indices, GL_STATIC_DRAW);
     glGenTextures(1, &g->places_texture);
+    glGenTextures(1, &g->heights_texture);
+    for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {
+        glGenBuffers(1, &g->views[i].morph_buffer);
+        glGenTextures(1, &g->views[i].morph_texture);
+    }
     resize_slots(g, FIRST_ROOM);
 }
 
@@ -394,6 +458,7 @@ static void destroy(struct renderer *renderer)
         const GLuint buffers[3] = {g->indices, g->vertices, g->places};
         glDeleteBuffers(3, buffers);
         glDeleteTextures(1, &g->places_texture);
+        glDeleteTextures(1, &g->heights_texture);
         glDeleteVertexArrays(1, &g->vertex_array);
     }
     for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {
@@ -401,6 +466,10 @@ static void destroy(struct renderer *renderer)
         free(g->views[i].counts);
         free(g->views[i].first);
         free(g->views[i].base_vertex);
+        free(g->views[i].morphs);
+        if (!g->vertex_array) continue;
+        glDeleteBuffers(1, &g->views[i].morph_buffer);
+        glDeleteTextures(1, &g->views[i].morph_texture);
     }
     free(g->heights);
     free(g->heights_16);
@@ -417,7 +486,8 @@ static bool init(struct geomipmap *g, const struct renderer_desc *desc)
                                           .tau_px = desc->knobs[KNOB_TAU],
                                           .cull = desc->knobs[KNOB_CULL] != 0,
                                           .borders = (enum geomipmap_borders)desc->knobs[KNOB_BORDERS],
-                                          .hysteresis = desc->knobs[KNOB_HYSTERESIS]};
+                                          .hysteresis = desc->knobs[KNOB_HYSTERESIS],
+                                          .morph = desc->knobs[KNOB_MORPH] != 0};
     g->front_only = desc->knobs[KNOB_FACES] != 0;
     int merge = (int)desc->knobs[KNOB_MERGE], most = GEOMIPMAP_MAX_EXTENT - bits;
     if (g->choice.borders == GEOMIPMAP_REMOVE) merge = 0;

@@ -58,6 +58,7 @@ struct scan { // of one view
     bool cull;
     enum geomipmap_borders borders;
     double hysteresis;
+    bool morph;
     double corner_m[2]; // south-west corner of the map, relative to the eye
     double tile_m[2];   // size of a tile of height 0
     double eye_tile[2]; // the eye, in tiles of height 0
@@ -125,29 +126,47 @@ struct asked { // a tile whose level is sought
     int kept; // level that it had
 };
 
-static int level_at_depth(const struct scan *scan, const struct asked *asked, double depth, double distance)
+struct grade { // of detail
+    int level;
+    float morph;
+};
+
+// How far the level's error is from what is allowed, towards the next coarser level's: the mean of both
+// surfaces so weighted is as wrong as is allowed.
+static float morph_of(const float *error, int level, double allowed)
+{
+    double from = (double)error[level], to = (double)error[level + 1];
+    return to > from ? (float)fmin(fmax((allowed - from) / (to - from), 0), 1) : 0;
+}
+
+static struct grade grade_at_depth(const struct scan *scan, const struct asked *asked, double depth,
+                                   double distance)
 {
     double allowed =
         geomipmap_allowed(&scan->judge, fmax(depth, scan->view->near_m), distance) / scan->tiles->quantum_m;
-    return geomipmap_choose(asked->error, scan->tiles->levels, allowed, asked->kept,
-                            allowed * (1 - scan->hysteresis));
+    int level = geomipmap_choose(asked->error, scan->tiles->levels, allowed, asked->kept,
+                                 allowed * (1 - scan->hysteresis));
+    bool last = level == scan->tiles->levels - 1;
+    return (struct grade){level, scan->morph && !last ? morph_of(asked->error, level, allowed) : 0};
 }
 
-static int choose_level(const struct scan *scan, struct geomipmap_place place, const struct box *box,
-                        bool whole)
+static struct grade choose_grade(const struct scan *scan, struct geomipmap_place place, const struct box *box,
+                                 bool whole)
 {
     const struct asked asked = {geomipmap_tiles_error(scan->tiles, place),
                                 scan->hysteresis > 0 ? last_step(scan, place) - place.height
                                                      : scan->tiles->levels};
     const double *forward = scan->view->forward;
-    if (scan->judge.metric == GEOMIPMAP_PAPER) return level_at_depth(scan, &asked, 0, box_distance(box));
+    if (scan->judge.metric == GEOMIPMAP_PAPER) return grade_at_depth(scan, &asked, 0, box_distance(box));
     double depth = box_depth(box, forward, 1), rect[4], seen_depth;
-    int level = level_at_depth(scan, &asked, depth, 0);
+    struct grade grade = grade_at_depth(scan, &asked, depth, 0);
     // Only part of the box is seen, and that part may begin farther away (numerics.md, C2).  Clipping is
     // worth its time only where a greater depth could help.
-    if (whole || level == level_at_depth(scan, &asked, box_depth(box, forward, -1), 0)) return level;
-    if (!frustum_clip_box(scan->view, box->low, box->high, rect, &seen_depth)) return scan->tiles->levels - 1;
-    return level_at_depth(scan, &asked, fmax(depth, seen_depth), 0);
+    struct grade far = grade_at_depth(scan, &asked, box_depth(box, forward, -1), 0);
+    if (whole || (grade.level == far.level && grade.morph == far.morph)) return grade;
+    if (!frustum_clip_box(scan->view, box->low, box->high, rect, &seen_depth))
+        return (struct grade){scan->tiles->levels - 1, 0};
+    return grade_at_depth(scan, &asked, fmax(depth, seen_depth), 0);
 }
 
 // ---- picks --------------------------------------------------------------------------------------
@@ -161,7 +180,7 @@ static void set_cover(struct scan *scan, struct geomipmap_place place, struct ge
             scan->selection->cover[(size_t)j * (size_t)grid->columns + (size_t)i] = cover;
 }
 
-static void add_pick(struct scan *scan, struct geomipmap_place place, int level, bool seen)
+static void add_pick(struct scan *scan, struct geomipmap_place place, struct grade grade, bool seen)
 {
     struct geomipmap_selection *selection = scan->selection;
     if (selection->listed == selection->room && !reserve(selection, 2 * selection->room)) {
@@ -170,7 +189,8 @@ static void add_pick(struct scan *scan, struct geomipmap_place place, int level,
     }
     int index = selection->listed++;
     struct geomipmap_pick *pick = &selection->list[index];
-    *pick = (struct geomipmap_pick){.place = place, .level = level, .seen = seen, .next = NONE};
+    *pick = (struct geomipmap_pick){
+        .place = place, .level = grade.level, .morph = grade.morph, .seen = seen, .next = NONE};
     if (scan->last != NONE) {
         pick->next = selection->list[scan->last].next;
         selection->list[scan->last].next = index;
@@ -178,7 +198,9 @@ static void add_pick(struct scan *scan, struct geomipmap_place place, int level,
     scan->last = index;
     // Of tiles of one size, those that are not seen ask nothing of their neighbours.
     if (!seen && scan->tiles->merge == 0) return;
-    set_cover(scan, place, (struct geomipmap_cover){(uint8_t)place.height, (uint8_t)(place.height + level)});
+    set_cover(
+        scan, place,
+        (struct geomipmap_cover){(uint8_t)place.height, (uint8_t)(place.height + grade.level), grade.morph});
 }
 
 // The n-th of the cells first..end-1 in an order that is front to back as seen from cell `eye`: from there
@@ -228,14 +250,14 @@ static void scan_tile(struct scan *scan, struct geomipmap_place place, unsigned 
     if (side == FRUSTUM_OUTSIDE && scan->cull && tiles->merge == 0) return;
     if (place.height <= tiles->merge) {
         if (side == FRUSTUM_OUTSIDE) {
-            add_pick(scan, place, tiles->levels - 1, false);
+            add_pick(scan, place, (struct grade){tiles->levels - 1, 0}, false);
             return;
         }
-        int level = choose_level(scan, place, &box, side == FRUSTUM_INSIDE);
+        struct grade grade = choose_grade(scan, place, &box, side == FRUSTUM_INSIDE);
         // Smaller tiles would not save triangles: 2 x 2 of them, at their coarsest, are this tile's second
         // coarsest level.
-        if (place.height == 0 || level >= tiles->levels - 2) {
-            add_pick(scan, place, level, true);
+        if (place.height == 0 || grade.level >= tiles->levels - 2) {
+            add_pick(scan, place, grade, true);
             return;
         }
     }
@@ -276,20 +298,29 @@ static struct geomipmap_cover cover_at(const struct scan *scan, const struct fri
 // The smallest step along one side of a tile, its own and its neighbours'; those not drawn ask for nothing.
 // The edge of the map stands against the sky wherever it is seen, so it gets every sample that the tile
 // has.
-static int side_step(const struct scan *scan, struct geomipmap_place place, int own, enum geomipmap_side side)
+static struct geomipmap_cover side_cover(const struct scan *scan, struct geomipmap_place place,
+                                         struct geomipmap_cover own, enum geomipmap_side side)
 {
     struct fringe fringe = tile_fringe(scan, place, side);
-    if (fringe.count == 0) return place.height;
+    if (fringe.count == 0) return (struct geomipmap_cover){own.height, (uint8_t)place.height, 0};
     for (int n = 0; n < fringe.count; n++) {
-        int step = cover_at(scan, &fringe, n).step;
-        own = step < own ? step : own; // GEOMIPMAP_NOTHING is larger than any step
+        struct geomipmap_cover other = cover_at(scan, &fringe, n);
+        // GEOMIPMAP_NOTHING is larger than any step.
+        if (other.step < own.step || (other.step == own.step && other.morph < own.morph)) own = other;
     }
     return own;
 }
 
+static struct geomipmap_cover pick_cover(const struct geomipmap_pick *pick)
+{
+    return (struct geomipmap_cover){(uint8_t)pick->place.height, (uint8_t)(pick->place.height + pick->level),
+                                    pick->morph};
+}
+
 // The step that a tile must draw along one side.  Beside a larger tile it is decided along the whole side
 // of that one.
-static int border_step(const struct scan *scan, const struct geomipmap_pick *pick, enum geomipmap_side side)
+static struct geomipmap_cover border_cover(const struct scan *scan, const struct geomipmap_pick *pick,
+                                           enum geomipmap_side side)
 {
     struct geomipmap_place place = pick->place;
     struct fringe fringe = tile_fringe(scan, place, side);
@@ -298,10 +329,10 @@ static int border_step(const struct scan *scan, const struct geomipmap_pick *pic
         if (cover.step != GEOMIPMAP_NOTHING && cover.height > place.height) {
             struct geomipmap_place larger = {cover.height, fringe.column >> cover.height,
                                              fringe.row >> cover.height};
-            return side_step(scan, larger, cover.step, (enum geomipmap_side)((side + 2) % GEOMIPMAP_SIDES));
+            return side_cover(scan, larger, cover, (enum geomipmap_side)((side + 2) % GEOMIPMAP_SIDES));
         }
     }
-    return side_step(scan, place, place.height + pick->level, side);
+    return side_cover(scan, place, pick_cover(pick), side);
 }
 
 // The step along a side that has only the vertices of both tiles.  Both are of one size.
@@ -316,7 +347,7 @@ static int removed_step(const struct scan *scan, const struct geomipmap_pick *pi
 static bool lacks_samples(const struct scan *scan, const struct geomipmap_pick *pick)
 {
     for (int side = 0; side < GEOMIPMAP_SIDES && pick->place.height > 0; side++)
-        if (side_step(scan, pick->place, pick->place.height + pick->level, (enum geomipmap_side)side) <
+        if (side_cover(scan, pick->place, pick_cover(pick), (enum geomipmap_side)side).step <
             pick->place.height)
             return true;
     return false;
@@ -328,8 +359,10 @@ static void split_child(struct scan *scan, struct geomipmap_place place, unsigne
     enum frustum_side side =
         mask == MASK_OUTSIDE ? FRUSTUM_OUTSIDE : frustum_test_box(&scan->frustum, box.low, box.high, &mask);
     bool seen = side != FRUSTUM_OUTSIDE;
-    int level = seen ? choose_level(scan, place, &box, side == FRUSTUM_INSIDE) : scan->tiles->levels - 1;
-    add_pick(scan, place, level, seen);
+    add_pick(scan, place,
+             seen ? choose_grade(scan, place, &box, side == FRUSTUM_INSIDE)
+                  : (struct grade){scan->tiles->levels - 1, 0},
+             seen);
 }
 
 // Puts the four smaller tiles in the place of a pick: the first takes over its entry, so that the order
@@ -360,6 +393,22 @@ static void split_coarse_neighbours(struct scan *scan)
     }
 }
 
+static void choose_set(const struct scan *scan, struct geomipmap_pick *pick)
+{
+    int neighbours[GEOMIPMAP_SIDES];
+    for (int side = 0; side < GEOMIPMAP_SIDES; side++) {
+        if (scan->borders == GEOMIPMAP_REMOVE) {
+            neighbours[side] = removed_step(scan, pick, (enum geomipmap_side)side);
+            pick->hem[side] = (struct geomipmap_hem){neighbours[side], 0};
+        } else {
+            struct geomipmap_cover cover = border_cover(scan, pick, (enum geomipmap_side)side);
+            neighbours[side] = cover.step - pick->place.height;
+            pick->hem[side] = (struct geomipmap_hem){neighbours[side], cover.morph};
+        }
+    }
+    pick->set = geomipmap_mesh_set(scan->tiles->bits, scan->borders, pick->level, neighbours);
+}
+
 static void choose_sets(struct scan *scan)
 {
     struct geomipmap_selection *selection = scan->selection;
@@ -369,12 +418,7 @@ static void choose_sets(struct scan *scan)
     selection->seen = unseen;
     for (int i = selection->listed ? 0 : NONE; i != NONE; i = selection->list[i].next) {
         struct geomipmap_pick *pick = &selection->list[i];
-        int neighbours[GEOMIPMAP_SIDES];
-        for (int side = 0; side < GEOMIPMAP_SIDES; side++)
-            neighbours[side] = scan->borders == GEOMIPMAP_REMOVE
-                                   ? removed_step(scan, pick, (enum geomipmap_side)side)
-                                   : border_step(scan, pick, (enum geomipmap_side)side) - pick->place.height;
-        pick->set = geomipmap_mesh_set(scan->tiles->bits, scan->borders, pick->level, neighbours);
+        choose_set(scan, pick);
         selection->picks[pick->seen ? seen++ : unseen++] = *pick;
     }
     selection->count = unseen;
@@ -398,7 +442,7 @@ static void remember(struct scan *scan)
 static void forget(struct scan *scan)
 {
     struct geomipmap_selection *selection = scan->selection;
-    const struct geomipmap_cover nothing = {GEOMIPMAP_NOTHING, GEOMIPMAP_NOTHING};
+    const struct geomipmap_cover nothing = {GEOMIPMAP_NOTHING, GEOMIPMAP_NOTHING, 0};
     for (int i = 0; i < selection->count; i++) set_cover(scan, selection->picks[i].place, nothing);
     selection->count = selection->seen = selection->listed = 0;
 }
@@ -412,6 +456,7 @@ bool geomipmap_select(struct geomipmap_selection *selection, const struct geomip
                         .cull = choice->cull,
                         .borders = choice->borders,
                         .hysteresis = choice->hysteresis,
+                        .morph = choice->morph,
                         .last = NONE};
     struct view_origin eye = view_level_origin(view, tiles->finest);
     const int64_t first[2] = {tiles->x0, tiles->y0};

@@ -11,6 +11,10 @@
 // in this, so that what is seen does not depend on culling.  Only GEOMIPMAP_REMOVE, which knows tiles of one
 // size alone (merge 0), draws the vertices of the coarser side instead.
 //
+// With morphing, the vertices that the next coarser level lacks move towards it as it comes near, and are
+// there when the level changes.  A tile's inside moves with its own error, each side with the least of the
+// tiles that meet there at the finest level.
+//
 // With hysteresis, a tile grows coarser than it was when last seen only where the error stays within (1 -
 // hysteresis) tau; it grows finer at tau, so that the claim holds.
 // SPDX-License-Identifier: MIT
@@ -23,9 +27,14 @@
 struct geomipmap_pick {
     struct geomipmap_place place;
     int level;
-    int set;   // geomipmap_mesh_set
-    bool seen; // the frustum meets it
-    int next;  // while selecting: the pick after this one
+    int set;               // geomipmap_mesh_set
+    bool seen;             // the frustum meets it
+    int next;              // while selecting: the pick after this one
+    float morph;           // 0 .. 1: the way from its level to the next coarser
+    struct geomipmap_hem { // a side as drawn
+        int level;         // whose vertices it has, counted as the tile's own
+        float morph;       // of that level
+    } hem[GEOMIPMAP_SIDES];
 };
 
 struct geomipmap_choice { // how to select; the same for all frames
@@ -34,11 +43,13 @@ struct geomipmap_choice { // how to select; the same for all frames
     bool cull; // leave out unseen tiles that concern no other; false: list them all
     enum geomipmap_borders borders;
     double hysteresis; // 0: off; below 1
+    bool morph;
 };
 
 struct geomipmap_cover { // what covers a tile of height 0
     uint8_t height;
     uint8_t step; // every 2^step-th sample is drawn; GEOMIPMAP_NOTHING: no pick covers it
+    float morph;
 };
 enum { GEOMIPMAP_NOTHING = 255 };
 
