@@ -261,7 +261,7 @@ void papers_level_errors(const struct terrain *terrain, int level, double *error
 static double spacing_px(const struct papers *papers)
 {
     const double tan_half_horizontal = 1;
-    return 1.25 * papers->width / (N * tan_half_horizontal);
+    return clipmap_spacing_px(N, papers->width, tan_half_horizontal);
 }
 
 static const struct { // Table 2, Puget Sound

@@ -73,6 +73,7 @@ struct clipmap_view { // the levels about one viewer, and what was selected for 
     uint64_t samples_left;    // that this frame may still read
     int levels_behind;        // that do not hold what the viewer wants
     int levels_read;          // by the last update
+    double spacing_px;        // of its view, clipmap_spacing_px
 };
 
 struct clipmap_program {
@@ -209,6 +210,7 @@ static void update_view(struct clipmap *c, struct clipmap_view *own, const struc
 {
     struct clipmap_box clips[CLIPMAP_MAX_LEVELS];
     double height_m = height_over_ground(c->terrain, view);
+    own->spacing_px = clipmap_spacing_px(c->shape.rules.n, view->width, view->tan_half[0]);
     int finest = terrain_info(c->terrain)->finest, heading[2];
     const struct clipmap_fit *fits = c->fitted ? own->fits : NULL;
     turn(own, view, heading);
@@ -337,7 +339,8 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
                      {"levels_read", view->levels_read},
                      {"levels_behind", view->levels_behind},
                      {"blocks", view->selection.blocks},
-                     {"culled", view->selection.culled}},
+                     {"culled", view->selection.culled},
+                     {"spacing_px", view->spacing_px}},
     };
 }
 

@@ -431,6 +431,12 @@ void clipmap_regions(const struct clipmap_shape *shape, const struct view_origin
     }
 }
 
+double clipmap_spacing_px(int n, int width_px, double tan_half_horizontal)
+{
+    const double depth = 0.4; // in n g
+    return width_px / (2 * depth * n * tan_half_horizontal);
+}
+
 float clipmap_alpha_at(const struct clipmap_region *region, enum clipmap_alpha form, int cell_x, int cell_y)
 {
     float x = (float)cell_x, y = (float)cell_y;

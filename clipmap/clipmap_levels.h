@@ -87,6 +87,11 @@ struct clipmap_fit {
 // constraint 3).
 struct clipmap_box clipmap_square(int n, const struct view_origin *eye);
 
+// s of section 4: what the spacing of a level measures on the screen, in pixels, at the average depth 0.4 n g
+// of its ring, for a level view.  3 at n = 255, 640 pixels and 90 degrees; 359 at 1 degree, where the method
+// is out of its range (numerics.md, B17).
+double clipmap_spacing_px(int n, int width_px, double tan_half_horizontal);
+
 // The samples that level k wants in memory: section 4.  Empty when the viewer is higher than 0.4 n g above
 // ground, or away from the map.  fits: one a level; NULL: squares about the viewer.
 struct clipmap_box clipmap_desired(const struct clipmap_shape *shape, int k, const struct view_origin *eye,

@@ -434,6 +434,19 @@ static void cm6_levels_fade_with_height(void **state)
     assert_true(published == 1);
 }
 
+// Section 4 rounds 3.14 to 3; numerics.md, B17, gives 359 for 1 degree.
+static void b17_spacing_on_the_screen(void **state)
+{
+    (void)state;
+    double wide = clipmap_spacing_px(255, 640, 1),
+           narrow = clipmap_spacing_px(255, 640, tan(0.5 * M_PI / 180));
+    FIGURE("B17 spacing on the screen, n = 255, 640 pixels: %.2f px at 90 degrees, %.0f px at 1 degree", wide,
+           narrow);
+    assert_true(fabs(wide - 1.25 * 640 / 255) < 1e-12);
+    assert_true(fabs(narrow - 359) < 1);
+    assert_true(clipmap_spacing_px(511, 640, 1) < wide && clipmap_spacing_px(255, 1280, 1) == 2 * wide);
+}
+
 static void morph_stays_between_z_and_z_c(void **state)
 {
     (void)state;
@@ -585,6 +598,7 @@ int main(void)
         cmocka_unit_test(viewer_is_within_a_cell_of_the_centre),
         cmocka_unit_test(small_maps_are_covered),
         cmocka_unit_test(cm6_levels_fade_with_height),
+        cmocka_unit_test(b17_spacing_on_the_screen),
         cmocka_unit_test(morph_stays_between_z_and_z_c),
         cmocka_unit_test(slots_of_negative_indices),
         cmocka_unit_test(exposed_boxes_cover_what_is_new),
