@@ -86,10 +86,9 @@ static void add_page(const struct papers *papers, const cJSON *root, const struc
                      int count, struct text *page)
 {
     page_head(page, "the papers, measured again");
-    text_add(page,
-             "<header><p class=\"eyebrow\">Relief</p>\n<h1>The papers, measured again</h1>\n"
-             "<p class=\"lead\">Tables of the papers beside what this program measures on this machine. "
-             "Under each stands what differs.</p>\n</header>\n<nav>");
+    text_add(page, "<header><p class=\"eyebrow\">Relief</p>\n<h1>The papers, measured again</h1>\n"
+                   "<p class=\"lead\">Tables of the papers beside what this program measures on this "
+                   "machine. Under each stands what differs.</p>\n</header>\n<nav>");
     for (int t = 0; t < count; t++) {
         text_add(page, "<a href=\"#%s\">", tables[t].id);
         text_add_escaped(page, tables[t].paper);

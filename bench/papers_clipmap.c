@@ -12,7 +12,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { N = 255, FRAMES = 24, UPDATES_A_REPEAT = 50 };
+enum { N = 255, PRINTED_WIDTH = 640, FRAMES = 24, UPDATES_A_REPEAT = 50 };
 
 // ---- Table 1: a full level ---------------------------------------------------------------------
 
@@ -198,30 +198,27 @@ bool papers_clipmap_update(struct papers *papers, struct papers_table *table)
     double *times = malloc(TIMES * (size_t)count * sizeof *times);
     bool good = scene && times && refill_init(&refill, papers, scene->terrain) &&
                 time_refills(&refill, times, count) && papers_fly(papers, scene, FRAMES, &flight, 1);
-    snprintf(table->title, sizeof table->title, "times of updating a full level of %d x %d samples", N, N);
+    snprintf(table->title, sizeof table->title, "Times of updating a full level of %d x %d samples", N, N);
     snprintf(table->row_name, sizeof table->row_name, "step");
     if (good) {
         update_rows(table, times, count);
         double total_ms = percentile(times + (ptrdiff_t)TIME_WHOLE * count, (size_t)count, 500);
+        papers_note(table,
+                    "Median of %d refills at random places of level %d of the built-in terrain; one thread. "
+                    "Printed: Pentium 4 at 3.0 GHz, ATI Radeon 9800 XT; its total of 21 is with synthesis, "
+                    "of 26 with decompression.",
+                    count, refill.level);
         papers_note(
             table,
-            "Median of %d refills at random places of level %d of the built-in terrain; one thread. Printed: "
-            "Pentium 4 at 3.0 GHz, ATI Radeon 9800 XT; its total of 21 is with synthesis, of 26 with "
-            "decompression.",
-            count, refill.level);
-        papers_note(table,
-                    "A whole refill is %.0f %% of a frame of this renderer at n = %d (%.1f ms, median of %d "
-                    "frames over "
-                    "the same terrain). In flight only the samples that the motion exposes are read.",
-                    100 * total_ms / flight.frame_ms, N, flight.frame_ms, FRAMES);
-        papers_note(
-            table, "Synthesis draws each deviate from a hash of the absolute sample and level. The published "
-                   "table of 50 x 50 deviates is cheaper; it repeats every 50 samples and is the same in "
-                   "every level (terrain option noise = table).");
-        papers_note(
-            table, "Uploads go to a texture of two floats a sample; on a software rasteriser they are a copy "
-                   "in memory. Decompression is not measured: this program has no coder. The normal map is "
-                   "not measured: this renderer keeps none.");
+            "A whole refill is %.0f %% of a frame of this renderer at n = %d (%.1f ms, median of %d frames "
+            "over the same terrain). In flight only the samples that the motion exposes are read.",
+            100 * total_ms / flight.frame_ms, N, flight.frame_ms, FRAMES);
+        papers_note(table, "Synthesis draws each deviate from a hash of the absolute sample and level. The "
+                           "published table of 50 x 50 deviates is cheaper; it repeats every 50 samples and "
+                           "is the same in every level (terrain option noise = table).");
+        papers_note(table, "Uploads go to a texture of two floats a sample; on a software rasteriser they "
+                           "are a copy in memory. Decompression is not measured: this program has no coder. "
+                           "The normal map is not measured: this renderer keeps none.");
     }
     refill_finish(&refill);
     free(times);
@@ -257,11 +254,11 @@ void papers_level_errors(const struct terrain *terrain, int level, double *error
                                truth[(size_t)(y - from.y0) * finest_stride + (size_t)(x - from.x0)]);
 }
 
-// Screen size in pixels of the spacing at the average depth 0.4 n g (section 4).
-static double spacing_px(const struct papers *papers)
+// Screen size in pixels of the spacing at the average depth 0.4 n g (section 4), in the paper's window.
+static double printed_spacing_px(void)
 {
     const double tan_half_horizontal = 1;
-    return clipmap_spacing_px(N, papers->width, tan_half_horizontal);
+    return clipmap_spacing_px(N, PRINTED_WIDTH, tan_half_horizontal);
 }
 
 static const struct { // Table 2, Puget Sound
@@ -278,12 +275,11 @@ static int printed_level(double spacing_m)
     return PRINTED_LEVELS - (int)lround(log2(spacing_m / printed_spacing_m));
 }
 
-static void error_row(const struct papers *papers, const struct terrain *terrain, int level, double *errors,
-                      struct papers_table *table)
+static void error_row(const struct terrain *terrain, int level, double *errors, struct papers_table *table)
 {
     struct terrain_level l = terrain_level(terrain, level);
     size_t count = (size_t)terrain_info(terrain)->samples;
-    double px_per_q = terrain_info(terrain)->quantum_m * spacing_px(papers) / l.spacing_m[0], squares = 0;
+    double px_per_q = terrain_info(terrain)->quantum_m * printed_spacing_px() / l.spacing_m[0], squares = 0;
     int number = printed_level(l.spacing_m[0]);
     papers_level_errors(terrain, level, errors);
     for (size_t i = 0; i < count; i++) squares += errors[i] * errors[i];
@@ -298,7 +294,7 @@ static void error_row(const struct papers *papers, const struct terrain *terrain
     values[5] = errors[count - 1] * px_per_q; // percentile() sorted them
 }
 
-static bool error_rows(const struct papers *papers, const struct terrain *terrain, struct papers_table *table)
+static bool error_rows(const struct terrain *terrain, struct papers_table *table)
 {
     static const char *const names[] = {"rms", "p99.9", "max"};
     const struct terrain_info *info = terrain_info(terrain);
@@ -307,7 +303,7 @@ static bool error_rows(const struct papers *papers, const struct terrain *terrai
     for (int k = 0; k < 6; k++) papers_column(table, names[k / 2], "px", k % 2 == 0);
     for (int level = info->coarsest; level >= info->finest; level--)
         if (printed_level(terrain_level(terrain, level).spacing_m[0]) >= 1)
-            error_row(papers, terrain, level, errors, table);
+            error_row(terrain, level, errors, table);
     free(errors);
     return true;
 }
@@ -315,31 +311,26 @@ static bool error_rows(const struct papers *papers, const struct terrain *terrai
 bool papers_clipmap_error(struct papers *papers, struct papers_table *table)
 {
     char path[1024];
+    (void)papers;
     snprintf(table->title, sizeof table->title,
-             "screen-space error of each level of the Puget Sound set, e_l / g_l x s");
+             "Screen-space error of each level of the Puget Sound set, e_l / g_l x s");
     snprintf(table->row_name, sizeof table->row_name, "level (spacing)");
     if (!papers_data(table, "puget_1k_160m.png", path)) return true;
     struct terrain *terrain = terrain_load(path, NULL);
     if (!terrain) return false;
-    bool good = error_rows(papers, terrain, table);
+    bool good = error_rows(terrain, table);
+    papers_note(table, "Levels are matched by spacing and counted as in the paper, from the coarsest. The "
+                       "paper's finest level has 16385 x 16385 samples at 10 m; this set is the same ground "
+                       "at 160 m, so the levels that it has are measured against 160 m: what lies between 10 "
+                       "and 160 m is missing from its errors, most in its finest levels.");
     papers_note(
         table,
-        "Levels are matched by spacing and counted as in the paper, from the coarsest. The paper's finest "
-        "level "
-        "has 16385 x 16385 samples at 10 m; this set is the same ground at 160 m, so the levels that it has "
-        "are measured against 160 m: what lies between 10 and 160 m is missing from its errors, most in "
-        "its finest levels.");
-    papers_note(table,
-                "s = 1.25 W / (n tan(phi / 2)) = %.3f pixels at n = %d, W = %d, a horizontal angle of 90 "
-                "degrees (the "
-                "paper prints 3, which makes its figures 4 %% smaller). It is the size at the average depth "
-                "0.4 n g: within a ring the depth goes down to "
-                "0.177 n g, where errors are up to 2.25 times as large.",
-                spacing_px(papers), N, papers->width);
-    papers_note(
-        table,
-        "D is the half-band filter here; the paper fits 11 x 11 weights to its data and adds the error "
-        "of its coder.");
+        "s = 1.25 W / (n tan(phi / 2)) = %.3f pixels at n = %d, W = %d, a horizontal angle of 90 degrees "
+        "(the paper prints 3, which makes its figures 4 %% smaller). It is the size at the average depth 0.4 "
+        "n g: within a ring the depth goes down to 0.177 n g, where errors are up to 2.25 times as large.",
+        printed_spacing_px(), N, PRINTED_WIDTH);
+    papers_note(table, "D is the half-band filter here; the paper fits 11 x 11 weights to its data and adds "
+                       "the error of its coder.");
     terrain_destroy(terrain);
     return good;
 }
@@ -353,7 +344,7 @@ bool papers_clipmap_rate(struct papers *papers, struct papers_table *table)
     struct papers_flight flights[] = {{.type = &clipmap_renderer, .knobs = {"n", "255"}},
                                       {.type = &clipmap_renderer, .knobs = {"n", "255"}, .samples = 4}};
     struct scene *scene = papers_detailed_scene(papers);
-    snprintf(table->title, sizeof table->title, "levels of %d x %d samples, frustum culling", N, N);
+    snprintf(table->title, sizeof table->title, "Levels of %d x %d samples, frustum culling", N, N);
     snprintf(table->row_name, sizeof table->row_name, "framebuffer");
     for (int c = 0; c < 6; c++) {
         static const char *const names[] = {"frames", "triangles", "a frame"};
@@ -368,13 +359,12 @@ bool papers_clipmap_rate(struct papers *papers, struct papers_table *table)
         values[3] = flights[f].triangles_per_s * 1e-6;
         values[5] = flights[f].triangles * 1e-6;
     }
-    papers_note(
-        table,
-        "Here %.0f levels of the built-in terrain, %d x %d pixels, %s. Printed: 11 levels, 640 x 480, ATI "
-        "Radeon 9800 XT. 59 million/s at 120 frames/s are 0.49 million a frame, while a third of what 11 "
-        "levels "
-        "hold would be 0.37: the paper's two statements differ.",
-        flights[0].stats.counters[0].value, papers->width, papers->height, gpu_info(papers->gpu)->renderer);
+    papers_note(table,
+                "Here %.0f levels of the built-in terrain, %d x %d pixels, %s. Printed: 11 levels, 640 x "
+                "480, ATI Radeon 9800 XT. 59 million/s at 120 frames/s are 0.49 million a frame, while a "
+                "third of what 11 levels hold would be 0.37: the paper's two statements differ.",
+                flights[0].stats.counters[0].value, papers->width, papers->height,
+                gpu_info(papers->gpu)->renderer);
     if (papers->cpu_times)
         papers_note(
             table,

@@ -327,6 +327,49 @@ static void check_flight(const char *name, bool default_path)
     cJSON_Delete(results);
 }
 
+// Two tables that need few frames: text, JSON and page are whole, and what is printed stands beside what is
+// measured.
+static void test_papers(void **state)
+{
+    (void)state;
+    char path[512];
+    assert_int_equal(
+        run("bench papers --only clipmap-1,clipmap-2 --repeats 1 --size 160x120 --out %s/papers", folder),
+        EXIT_GOOD);
+    snprintf(path, sizeof path, "%s/out.txt", folder);
+    char *text = read_file(path);
+    assert_non_null(strstr(text, "Losasso & Hoppe 2004, Table 1"));
+    free(text);
+    snprintf(path, sizeof path, "%s/papers/papers.json", folder);
+    text = read_file(path);
+    assert_non_null(text);
+    cJSON *root = cJSON_ParseWithOpts(text, NULL, true);
+    free(text);
+    assert_non_null(root);
+    const cJSON *tables = cJSON_GetObjectItemCaseSensitive(root, "tables");
+    assert_int_equal(cJSON_GetArraySize(tables), 2);
+    const cJSON *rows = cJSON_GetObjectItemCaseSensitive(cJSON_GetArrayItem(tables, 0), "rows"), *row;
+    double sum = 0, total = NAN;
+    cJSON_ArrayForEach(row, rows)
+    {
+        const char *label = cJSON_GetObjectItemCaseSensitive(row, "label")->valuestring;
+        const cJSON *values = cJSON_GetObjectItemCaseSensitive(row, "values");
+        if (strcmp(label, "total, with synthesis") == 0)
+            total = cJSON_GetArrayItem(values, 2)->valuedouble;
+        else if (cJSON_IsNumber(cJSON_GetArrayItem(values, 2)))
+            sum += cJSON_GetArrayItem(values, 2)->valuedouble;
+    }
+    assert_true(total == 100);
+    assert_true(fabs(sum - 100) < 25); // medians of steps need not add up to the median of their sum
+    cJSON_Delete(root);
+    snprintf(path, sizeof path, "%s/papers/papers.html", folder);
+    text = read_file(path);
+    assert_non_null(text);
+    assert_null(strstr(text, "<script"));
+    assert_non_null(strstr(text, "</html>"));
+    free(text);
+}
+
 // The default flight: agreement with the ray caster, no holes for any renderer and setting, coverage, rank
 // correlation.
 static void test_default_flight(void **state)
@@ -441,6 +484,7 @@ int main(void)
         cmocka_unit_test(test_runs_repeat_bit_for_bit),
         cmocka_unit_test(test_optimisation_changes_nothing),
         cmocka_unit_test(test_interrupt_keeps_results),
+        cmocka_unit_test(test_papers),
         cmocka_unit_test(test_default_flight),
         cmocka_unit_test(test_puget_flights),
     };
