@@ -13,7 +13,7 @@
 
 #include "common/gl/gpu.h"
 
-enum { RENDERER_MAX_VIEWS = 2, RENDERER_MAX_KNOBS = 24 };
+enum { RENDERER_MAX_VIEWS = 2, RENDERER_MAX_KNOBS = 32 };
 
 // A knob: one number or one word out of `choices` (its value is then the word's index).
 struct renderer_knob {

@@ -5,6 +5,7 @@
 #include "common/view/frustum.h"
 #include "pgm/pgm_atlas.h"
 #include "pgm/pgm_mesh.h"
+#include "pgm/pgm_rows.h"
 #include "pgm/pgm_sampler.h"
 
 #include <math.h>
@@ -17,7 +18,15 @@ enum { SAMPLING_BINDING = 1, ROWS_BINDING = 2, HEIGHTS_UNIT = 0 };
 enum knob {
     KNOB_ROWS,
     KNOB_ASPECT,
+    KNOB_GRID,
     KNOB_LAW,
+    KNOB_FOCUS_X,
+    KNOB_FOCUS_Y,
+    KNOB_FOCUS_WIDTH,
+    KNOB_TARGET,
+    KNOB_SHRINK,
+    KNOB_STRIPS,
+    KNOB_HOLD,
     KNOB_CAMERA,
     KNOB_EXTENSION,
     KNOB_WIDENING,
@@ -38,9 +47,20 @@ enum knob {
 static const struct renderer_knob knobs[] = {
     {"rows", "rows of the grid: triangles for error", 300, 1, PGM_ROWS_MAX, NULL},
     {"aspect", "columns of the grid for each row: the published grids have 1 to 4", 0.5, 0.05, 16, NULL},
+    {"grid", "one of the published grids, rows x columns, instead of rows and aspect", 0, 0, 6,
+     "free|150x600|200x800|430x430|300x900|600x600|400x1600"},
     {"law",
-     "how rows are spread: even on the sampling camera's screen, half of them even in log distance, or all",
-     PGM_LAW_HALF_LOG, 0, 2, "uniform|half-log|log"},
+     "how rows are spread: even on the sampling camera's screen, half of them even in log distance, or all; "
+     "half-log about a focus; or by a target error",
+     PGM_LAW_HALF_LOG, 0, 4, "uniform|half-log|log|focus|target"},
+    {"focus_x", "law=focus: where on the window, left to right", 0, -1, 1, NULL},
+    {"focus_y", "law=focus: where on the window, bottom to top", -0.3, -1, 1, NULL},
+    {"focus_width", "law=focus: reach in halves of the window; small is strong", 0.5, 0.01, 10, NULL},
+    {"target", "law=target: error aimed at, pixels; no promise", 1, 0.01, 100, NULL},
+    {"shrink", "leave out rows in proportion to the sky in the window", 0, 0, 1, "off|on"},
+    {"strips", "ground below the window's lower edge: stretch the grid over it, or add rows", 0, 0, 1,
+     "off|on"},
+    {"hold", "in a viewer, ms a frame that the grid's size is to hold; 0: do not", 0, 0, 1000, NULL},
     {"camera",
      "how the sampling camera follows the view: Equation 2 as printed, or signed, rolled and finite",
      PGM_CAMERA_STABLE, 0, 1, "published|stable"},
@@ -83,6 +103,7 @@ static const double full[] = {150, 180, 210, 250, 300, 360, 424, 500, 600, 768, 
 // The uniform blocks `sampling` and `grid_rows`, std140.
 struct sampling_block {
     float axes[4];
+    float across[4];
     float eye[4];
     int32_t base[4];
     float cells[PGM_LEVELS_MAX][4];
@@ -99,9 +120,10 @@ _Static_assert(sizeof(struct sampling_block) <= 16384 && sizeof(struct rows_bloc
 // What update() chose for a view.
 struct selection {
     struct pgm_sampler sampler;
-    GLuint sampling, rows; // its uniform blocks
-    int coarsened;         // rows that read a coarser level than their own, which is not in memory here
-    int draws;             // runs of tiles
+    struct pgm_settings used; // of the grid
+    GLuint sampling, rows;    // its uniform blocks
+    int coarsened;            // rows that read a coarser level than their own, which is not in memory here
+    int draws;                // runs of tiles
     uint64_t triangles;
     double share_below; // of rows that lie below the screen's lower edge on the sampling plane
     GLsizei *counts;
@@ -113,6 +135,8 @@ struct pgm {
     struct renderer_desc desc;
     struct pgm_settings settings;
     struct pgm_world world;
+    int mesh_rows;                     // of the grid as it was uploaded
+    double column_focus, column_width; // pgm_focus of its columns
     bool cull, front_only;
     struct pgm_atlas atlas;
     struct gpu_program programs[PASS_COUNT];
@@ -133,8 +157,11 @@ static void read_settings(struct pgm *pgm)
 {
     const double *k = pgm->desc.knobs;
     struct pgm_settings *s = &pgm->settings;
-    s->rows = (int)k[KNOB_ROWS];
-    s->columns = (int)fmax(1, rint(k[KNOB_ROWS] * k[KNOB_ASPECT]));
+    static const int published[][2] = {{150, 600}, {200, 800}, {430, 430},
+                                       {300, 900}, {600, 600}, {400, 1600}};
+    int grid = (int)k[KNOB_GRID];
+    s->rows = grid > 0 ? published[grid - 1][0] : (int)k[KNOB_ROWS];
+    s->columns = grid > 0 ? published[grid - 1][1] : (int)fmax(1, rint(k[KNOB_ROWS] * k[KNOB_ASPECT]));
     s->law = (enum pgm_law)k[KNOB_LAW];
     s->camera = (enum pgm_camera)k[KNOB_CAMERA];
     s->extension = (enum pgm_extension)k[KNOB_EXTENSION];
@@ -143,6 +170,17 @@ static void read_settings(struct pgm *pgm)
     s->lod = (enum pgm_lod)k[KNOB_LOD];
     s->spread = (enum pgm_spread)k[KNOB_SPREAD];
     s->lod_bias = k[KNOB_BIAS];
+    s->focus[0] = k[KNOB_FOCUS_X];
+    s->focus[1] = k[KNOB_FOCUS_Y];
+    s->focus_width = k[KNOB_FOCUS_WIDTH];
+    s->target_px = k[KNOB_TARGET];
+    s->shrink = k[KNOB_SHRINK] > 0;
+    s->strips = k[KNOB_STRIPS] > 0;
+    s->share = 1;
+    // Strips at most double the rows.
+    pgm->mesh_rows = s->strips ? (int)fmin(2 * s->rows, PGM_ROWS_MAX) : s->rows;
+    pgm->column_focus = 0.5 + 0.5 * s->focus[0];
+    pgm->column_width = s->law == PGM_LAW_FOCUS ? s->focus_width / 2 : 0;
     pgm->cull = k[KNOB_CULL] > 0;
     pgm->front_only = k[KNOB_FACES] > 0;
 }
@@ -187,6 +225,7 @@ static void describe_world(struct pgm *pgm)
         struct terrain_level level = terrain_level(pgm->desc.terrain, pgm->atlas.finest + k);
         if (level.min_q < low) low = level.min_q;
         if (level.max_q > high) high = level.max_q;
+        world->error_m[k] = level.rms_error_m;
     }
     memcpy(world->outline_m, info->outline_m, sizeof world->outline_m);
     world->lowest_m = info->quantum_m * low + info->offset_m;
@@ -249,12 +288,12 @@ static bool build_programs(struct pgm *pgm)
 
 static bool upload_grid(struct pgm *pgm)
 {
-    int rows = pgm->settings.rows, columns = pgm->settings.columns;
+    int rows = pgm->mesh_rows, columns = pgm->settings.columns;
     size_t vertex_bytes = pgm_mesh_vertex_count(rows, columns) * sizeof(float[2]);
     size_t index_bytes = pgm_mesh_index_count(rows, columns) * sizeof(uint32_t);
     void *vertices = malloc(vertex_bytes), *indices = malloc(index_bytes);
     if (vertices && indices) {
-        pgm_mesh_vertices(rows, columns, vertices);
+        pgm_mesh_vertices(rows, columns, pgm->column_focus, pgm->column_width, vertices);
         pgm_mesh_indices(rows, columns, indices);
         glGenVertexArrays(1, &pgm->vertex_array);
         glBindVertexArray(pgm->vertex_array);
@@ -276,7 +315,7 @@ static bool upload_grid(struct pgm *pgm)
 
 static bool init_selections(struct pgm *pgm)
 {
-    pgm->tiles = pgm_mesh_tile_count(pgm->settings.rows, pgm->settings.columns);
+    pgm->tiles = pgm_mesh_tile_count(pgm->mesh_rows, pgm->settings.columns);
     size_t tiles = (size_t)pgm->tiles;
     pgm->base_vertices = calloc(tiles, sizeof *pgm->base_vertices);
     bool good = pgm->base_vertices != NULL;
@@ -380,9 +419,13 @@ static void fill_levels(struct pgm *pgm, const struct view *view)
     }
 }
 
-static void fill_block(struct pgm *pgm, const struct pgm_sampler *sampler, const struct view *view)
+static void fill_block(struct pgm *pgm, const struct selection *selection, const struct view *view)
 {
     struct sampling_block *block = &pgm->block;
+    const struct pgm_sampler *sampler = &selection->sampler;
+    // The columns in use span the view; 1 and 0 where all are.
+    block->across[0] = (float)((double)pgm->settings.columns / selection->used.columns);
+    block->across[1] = block->across[0] - 1;
     for (int axis = 0; axis < 2; axis++) {
         block->axes[axis] = (float)sampler->forward[axis];
         block->axes[axis + 2] = (float)sampler->right[axis];
@@ -392,7 +435,7 @@ static void fill_block(struct pgm *pgm, const struct pgm_sampler *sampler, const
     block->base[0] = pgm->atlas.base_q;
     block->base[1] = pgm->atlas.levels - 1;
     fill_levels(pgm, view);
-    for (int j = 0; j <= pgm->settings.rows; j++) {
+    for (int j = 0; j <= selection->used.rows; j++) {
         const struct pgm_row *row = &pgm->rows[j];
         double weight = pgm->settings.lod != PGM_LOD_PUBLISHED ? row->weight
                         : row->range_m > 0                     ? 1 / row->range_m
@@ -436,12 +479,14 @@ static bool coarsen_row(const struct pgm *pgm, struct pgm_row *row, const struct
 }
 
 // Box of a tile relative to the eye, over all heights that it may have.
-static void tile_box(const struct pgm *pgm, const struct pgm_sampler *sampler, const struct view *view,
+static void tile_box(const struct pgm *pgm, const struct selection *selection, const struct view *view,
                      const struct pgm_tile *tile, double low[3], double high[3])
 {
-    int columns = pgm->settings.columns;
-    double left = (2.0 * tile->column - columns) / columns;
-    double right = (2.0 * (tile->column + tile->columns) - columns) / columns;
+    const struct pgm_sampler *sampler = &selection->sampler;
+    int columns = selection->used.columns;
+    double left = pgm_mesh_across(columns, pgm->column_focus, pgm->column_width, tile->column);
+    double right =
+        pgm_mesh_across(columns, pgm->column_focus, pgm->column_width, tile->column + tile->columns);
     for (int axis = 0; axis < 2; axis++) low[axis] = (double)INFINITY, high[axis] = -(double)INFINITY;
     for (int j = tile->row; j <= tile->row + tile->rows; j++)
         for (int side = 0; side < 2; side++)
@@ -455,18 +500,25 @@ static void tile_box(const struct pgm *pgm, const struct pgm_sampler *sampler, c
     high[2] = pgm->world.highest_m - view->eye_m[2];
 }
 
+static bool tile_is_seen(const struct pgm *pgm, const struct selection *selection, const struct view *view,
+                         const struct frustum *frustum, const struct pgm_tile *tile)
+{
+    double low[3], high[3];
+    unsigned mask = FRUSTUM_ALL;
+    tile_box(pgm, selection, view, tile, low, high);
+    return frustum_test_box(frustum, low, high, &mask) != FRUSTUM_OUTSIDE;
+}
+
+// The tiles in use, which are the far and the left ones, joined to runs of the index list.
 static void select_tiles(const struct pgm *pgm, struct selection *selection, const struct view *view)
 {
-    int rows = pgm->settings.rows, columns = pgm->settings.columns;
     struct frustum frustum;
     frustum_init(&frustum, view);
     size_t end = SIZE_MAX; // of the last run
     for (int k = 0; k < pgm->tiles; k++) {
-        struct pgm_tile tile = pgm_mesh_tile(rows, columns, k);
-        double low[3], high[3];
-        unsigned mask = FRUSTUM_ALL;
-        tile_box(pgm, &selection->sampler, view, &tile, low, high);
-        if (frustum_test_box(&frustum, low, high, &mask) == FRUSTUM_OUTSIDE) continue;
+        struct pgm_tile tile = pgm_mesh_tile(pgm->mesh_rows, pgm->settings.columns, k);
+        if (tile.row >= selection->used.rows || tile.column >= selection->used.columns) continue;
+        if (pgm->cull && !tile_is_seen(pgm, selection, view, &frustum, &tile)) continue;
         if (tile.first != end) {
             selection->firsts[selection->draws] = tile.first;
             selection->counts[selection->draws++] = 0;
@@ -477,20 +529,12 @@ static void select_tiles(const struct pgm *pgm, struct selection *selection, con
     }
 }
 
-static void select_all(const struct pgm *pgm, struct selection *selection)
-{
-    size_t count = pgm_mesh_index_count(pgm->settings.rows, pgm->settings.columns);
-    selection->draws = 1;
-    selection->firsts[0] = 0;
-    selection->counts[0] = (GLsizei)count;
-    selection->triangles = count / 3;
-}
-
-static double share_below(const struct pgm *pgm, const struct pgm_sampler *sampler)
+static double share_below(const struct pgm *pgm, const struct selection *selection)
 {
     int below = 0;
-    for (int j = 0; j <= pgm->settings.rows; j++) below += pgm->rows[j].forward_m < sampler->screen_m;
-    return below / (pgm->settings.rows + 1.0);
+    for (int j = 0; j <= selection->used.rows; j++)
+        below += pgm->rows[j].forward_m < selection->sampler.screen_m;
+    return below / (selection->used.rows + 1.0);
 }
 
 static void update_view(struct pgm *pgm, struct selection *selection, const struct view *view)
@@ -503,21 +547,20 @@ static void update_view(struct pgm *pgm, struct selection *selection, const stru
     pgm->world.ground_m = ground_under(pgm->desc.terrain, view->eye_m);
     pgm_sampler_aim(sampler, view, &pgm->world, &pgm->settings);
     if (sampler->empty) return;
-    pgm_sampler_rows(sampler, &pgm->world, &pgm->settings, pgm->rows);
+    struct pgm_settings *used = &selection->used;
+    pgm_rows_fit(sampler, view, &pgm->world, &pgm->settings, pgm->mesh_rows, used);
+    pgm_rows_lay(sampler, view, &pgm->world, used, pgm->rows);
     if (!pgm_atlas_is_whole(&pgm->atlas))
-        for (int j = 0; j <= pgm->settings.rows; j++)
+        for (int j = 0; j <= used->rows; j++)
             selection->coarsened += coarsen_row(pgm, &pgm->rows[j], sampler, view);
-    fill_block(pgm, sampler, view);
+    fill_block(pgm, selection, view);
     glBindBuffer(GL_UNIFORM_BUFFER, selection->sampling);
     gpu_buffer_sub_data(pgm->desc.gpu, GL_UNIFORM_BUFFER, 0, sizeof pgm->block, &pgm->block);
     glBindBuffer(GL_UNIFORM_BUFFER, selection->rows);
     gpu_buffer_sub_data(pgm->desc.gpu, GL_UNIFORM_BUFFER, 0,
-                        sizeof pgm->rows_block.rows[0] * (size_t)(pgm->settings.rows + 1), &pgm->rows_block);
-    selection->share_below = share_below(pgm, sampler);
-    if (pgm->cull)
-        select_tiles(pgm, selection, view);
-    else
-        select_all(pgm, selection);
+                        sizeof pgm->rows_block.rows[0] * (size_t)(used->rows + 1), &pgm->rows_block);
+    selection->share_below = share_below(pgm, selection);
+    select_tiles(pgm, selection, view);
 }
 
 static bool pgm_update(struct renderer *renderer, const struct view *views, int count)
@@ -568,8 +611,9 @@ static void pgm_stats(const struct renderer *renderer, struct renderer_stats *st
         .claimed_error_px = (double)NAN,
         .resident_bytes = pgm_atlas_bytes(&pgm->atlas) + pgm->grid_bytes +
                           RENDERER_MAX_VIEWS * (sizeof pgm->block + sizeof pgm->rows_block),
-        .counters = {{"rows", pgm->settings.rows},
-                     {"columns", pgm->settings.columns},
+        .counters = {{"rows", selection->sampler.empty ? 0 : selection->used.rows},
+                     {"columns", selection->sampler.empty ? 0 : selection->used.columns},
+                     {"extra_rows", selection->sampler.empty ? 0 : selection->used.extra_rows},
                      {"extension_degrees", selection->sampler.extension * degrees},
                      {"rows_below_screen", selection->share_below},
                      {"below_base", selection->sampler.below_base},

@@ -8,6 +8,7 @@ layout(location = 0) in vec2 grid; // row; X in [-1, 1]
 
 layout(std140) uniform sampling {
     vec4 axes;               // e_f, e_r
+    vec4 across;             // X of the columns in use: x X + y
     vec4 eye;                // the eye in the world; w: height over the sampling plane
     ivec4 base;              // x: quanta of texel 0; y: last slot
     vec4 cells[LEVELS_MAX];  // a level's cells in a metre, x and y; the eye's fraction of a cell
@@ -156,15 +157,16 @@ float blended_height(int level, vec2 place, float weight)
 // Place on the sampling plane relative to the eye.
 vec2 place_of(vec4 row)
 {
+    float side = (across.x * grid.y + across.y) * row.y;
 #if defined(MAPPING_PUBLISHED)
     // Equation 1 in the world's coordinates, the grid at a distance of 1 m: digits cancel.
-    float scale = inversesqrt(row.x * row.x + grid.y * row.y * grid.y * row.y + eye.w * eye.w);
-    vec3 vertex = eye.xyz + scale * vec3(axes.xy * row.x + axes.zw * (grid.y * row.y), -eye.w);
+    float scale = inversesqrt(row.x * row.x + side * side + eye.w * eye.w);
+    vec3 vertex = eye.xyz + scale * vec3(axes.xy * row.x + axes.zw * side, -eye.w);
     float ground = eye.z - eye.w;
     vec3 point = eye.xyz + (eye.z - ground) / (eye.z - vertex.z) * (vertex - eye.xyz);
     return point.xy - eye.xy;
 #else
-    return axes.xy * row.x + axes.zw * (grid.y * row.y);
+    return axes.xy * row.x + axes.zw * side;
 #endif
 }
 

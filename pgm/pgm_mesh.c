@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "pgm/pgm_mesh.h"
 
+#include <math.h>
+
 enum { CACHE = 256, APART = PGM_TILE + 4 }; // entries of the cache; least distance of two rows in it
 
 int pgm_mesh_stride(int columns)
@@ -15,16 +17,31 @@ size_t pgm_mesh_vertex_count(int rows, int columns)
     return (size_t)(rows + 1) * (size_t)pgm_mesh_stride(columns);
 }
 
-void pgm_mesh_vertices(int rows, int columns, float (*vertices)[2])
+double pgm_focus(double u, double focus, double width)
 {
-    int stride = pgm_mesh_stride(columns);
-    for (int j = 0; j <= rows; j++)
-        for (int i = 0; i < stride; i++) {
-            int used = i < columns ? i : columns;
-            vertices[(size_t)j * (size_t)stride + (size_t)i][0] = (float)j;
-            vertices[(size_t)j * (size_t)stride + (size_t)i][1] =
-                (float)(2 * used - columns) / (float)columns;
-        }
+    if (!(width > 0) || u <= 0 || u >= 1) return fmin(fmax(u, 0), 1);
+    double first = atan(-focus / width), last = atan((1 - focus) / width);
+    return fmin(fmax(focus + width * tan(first + u * (last - first)), 0), 1);
+}
+
+double pgm_mesh_across(int columns, double focus, double width, int i)
+{
+    if (!(width > 0)) return (double)(2 * i - columns) / columns;
+    return 2 * pgm_focus((double)i / columns, focus, width) - 1;
+}
+
+void pgm_mesh_vertices(int rows, int columns, double focus, double width, float (*vertices)[2])
+{
+    size_t stride = (size_t)pgm_mesh_stride(columns);
+    for (size_t i = 0; i < stride; i++) {
+        int used = i < (size_t)columns ? (int)i : columns;
+        vertices[i][0] = 0;
+        vertices[i][1] = (float)pgm_mesh_across(columns, focus, width, used);
+    }
+    for (size_t v = stride; v < (size_t)(rows + 1) * stride; v++) {
+        vertices[v][0] = (float)(v / stride);
+        vertices[v][1] = vertices[v % stride][1];
+    }
 }
 
 size_t pgm_mesh_index_count(int rows, int columns)

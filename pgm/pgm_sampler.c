@@ -139,10 +139,9 @@ double pgm_sampler_half_width(const struct pgm_sampler *sampler, double forward_
     return fmax(sampler->width[0] + sampler->width[1] * forward_m, sampler->width[2]);
 }
 
-// Highest drawn terrain under the trapezoid between two forward distances, relative to the eye.  Taken in
-// strips along the view, whose upright rectangles hold less ground beside the trapezoid.
-static double highest_between(const struct pgm_sampler *sampler, const struct view *view,
-                              const struct pgm_world *world, double from, double to)
+// Taken in strips along the view, whose upright rectangles hold less ground beside the trapezoid.
+double pgm_sampler_highest(const struct pgm_sampler *sampler, const struct view *view,
+                           const struct pgm_world *world, double from, double to)
 {
     double highest = -(double)INFINITY;
     for (int strip = 0; strip < STRIPS; strip++) {
@@ -173,7 +172,7 @@ static double tight_near(const struct pgm_sampler *sampler, const struct view *v
         double from = nearest + (cut - nearest) * slice / SLICES;
         double to = nearest + (cut - nearest) * (slice + 1) / SLICES;
         struct wedge seen = *wedge;
-        seen.high = clamp(highest_between(sampler, view, world, from, to), wedge->low, wedge->high);
+        seen.high = clamp(pgm_sampler_highest(sampler, view, world, from, to), wedge->low, wedge->high);
         double begins, ends;
         if (wedge_range(&seen, &begins, &ends) && begins <= to && ends >= from) return fmax(from, begins);
     }
@@ -188,7 +187,7 @@ static double sampled_near(struct pgm_sampler *sampler, const struct view *view,
     double lower = sampler->depression + half;
     double distance = h * cos(lower) / fmax(sin(lower), infinitesimal), alpha = half_pi - lower;
     if (extension == PGM_EXTENSION_NONE || !(distance > 0)) return distance;
-    double highest = highest_between(sampler, view, world, 0, distance) + h;
+    double highest = pgm_sampler_highest(sampler, view, world, 0, distance) + h;
     double gamma = extension == PGM_EXTENSION_STABLE ? pgm_extension_stable(h, distance, highest)
                                                      : pgm_extension_published(h, distance, highest);
     return h * tan(clamp(alpha - gamma, -1.5, 1.5));
@@ -209,6 +208,7 @@ static void set_ends(struct pgm_sampler *sampler, const struct view *view, const
     // The published camera, looking up: all its rays go to the sky.
     sampler->empty = sampler->depression + atan(sampler->tan_half[1]) <= 0;
     if (sampler->empty) return;
+    double edge = sampler->screen_m; // where the rows of the window itself end
     if (settings->extension == PGM_EXTENSION_TIGHT) {
         farthest = fmin(farthest, sampler->reach_m);
         nearest = fmax(nearest, begins);
@@ -222,6 +222,7 @@ static void set_ends(struct pgm_sampler *sampler, const struct view *view, const
         double behind = fmin(nearest, 0); // terrain overhead when looking up steeply
         farthest = sampled_far(sampler);
         if (settings->camera == PGM_CAMERA_STABLE) farthest = fmin(farthest, sampler->reach_m);
+        edge = sampled_near(sampler, view, world, PGM_EXTENSION_NONE);
         nearest = sampled_near(sampler, view, world, settings->extension);
         if (settings->extension == PGM_EXTENSION_STABLE) nearest = fmin(nearest, behind);
         bool to_sky =
@@ -231,6 +232,7 @@ static void set_ends(struct pgm_sampler *sampler, const struct view *view, const
     }
     sampler->far_m = farthest + guard * fabs(farthest);
     sampler->near_m = nearest - guard * fabs(nearest);
+    sampler->edge_m = edge > sampler->near_m && edge < sampler->far_m ? edge : sampler->near_m;
 }
 
 // Rows behind the viewer must still be in front of the sampling camera, and not at the rim of its image
@@ -265,93 +267,4 @@ void pgm_sampler_aim(struct pgm_sampler *sampler, const struct view *view, const
     double near_depression = half_pi - atan2(sampler->near_m, sampler->height_m);
     sampler->extension = near_depression - lower_edge;
     face_near_end(sampler);
-}
-
-// ---- rows ------------------------------------------------------------------
-
-// Solves (1 - share) expm1(x L) / K + share x = u for x in [0, 1], K = expm1(L): the share of the way from
-// the far to the near fall when `share` of the rows' density is even in log b and the rest even in b.  Convex
-// in x, so Newton's steps come down from the right of the root and stay there.
-static double solve_law(double share, double log_span, double u, double start)
-{
-    if (share >= 1 || u <= 0 || u >= 1) return clamp(u, 0, 1);
-    double span = expm1(log_span), x = start;
-    if (share <= 0) return log1p(u * span) / log_span;
-    for (int step = 0; step < 60; step++) {
-        double grown = expm1(x * log_span);
-        double value = (1 - share) * grown / span + share * x - u;
-        double slope = (1 - share) * (grown + 1) * log_span / span + share;
-        double moved = clamp(x - value / slope, 0, 1);
-        if (fabs(moved - x) <= 1e-13) return moved;
-        x = moved;
-    }
-    return x;
-}
-
-static double law_share(enum pgm_law law)
-{
-    return law == PGM_LAW_UNIFORM ? 0 : law == PGM_LAW_HALF_LOG ? 0.5 : 1;
-}
-
-void pgm_level_for(double cells, enum pgm_lod lod, int levels, int *level, double *weight)
-{
-    *level = 0;
-    *weight = 0;
-    if (!(cells > 0) || levels <= 1) return;
-    double lambda = clamp(log2(cells), -1, levels);
-    double chosen = fmax(0, lod == PGM_LOD_FLOOR ? floor(lambda) : ceil(lambda));
-    *level = (int)fmin(chosen, levels - 1);
-    if (*level == levels - 1) return;
-    *weight = clamp(cells * exp2(lod == PGM_LOD_FLOOR ? -chosen : 1 - chosen) - 1, 0, 1);
-}
-
-static double sampling_distance(const struct pgm_row *row, double step, int columns, enum pgm_spread spread)
-{
-    double across = 2 * row->half_width_m / columns;
-    switch (spread) {
-    case PGM_SPREAD_MEAN:
-        return sqrt(step * across);
-    case PGM_SPREAD_NEAR:
-        return fmin(step, across);
-    default:
-        return fmax(step, across);
-    }
-}
-
-static void set_level(struct pgm_row *row, const struct pgm_world *world, const struct pgm_settings *settings)
-{
-    double cells = row->spacing_m / world->spacing_m * exp2(settings->lod_bias);
-    pgm_level_for(cells, settings->lod, world->levels, &row->level, &row->weight);
-    row->range_m = 0;
-    if (settings->lod == PGM_LOD_PUBLISHED && row->level < world->levels - 1)
-        row->range_m = ldexp(world->spacing_m, row->level - 1);
-}
-
-void pgm_sampler_rows(const struct pgm_sampler *sampler, const struct pgm_world *world,
-                      const struct pgm_settings *settings, struct pgm_row *rows)
-{
-    int count = settings->rows;
-    double sine = sin(sampler->depression), cosine = cos(sampler->depression), h = sampler->height_m;
-    double t_far = sampler->far_m * cosine + h * sine, t_near = sampler->near_m * cosine + h * sine;
-    double fall_far = h / t_far, fall_near = h / t_near;
-    double y_far = (sampler->far_m * sine - h * cosine) / t_far;
-    double y_near = (sampler->near_m * sine - h * cosine) / t_near;
-    double log_span = log(t_far / t_near), span = expm1(log_span), x = 0;
-    bool even = !(log_span > 1e-6); // looking straight down: b does not vary, y does
-    for (int j = 0; j <= count; j++) {
-        double u = (double)j / count;
-        if (!even) x = solve_law(law_share(settings->law), log_span, u, x);
-        double way = even ? u : j == count ? 1 : expm1(x * log_span) / span;
-        // Sums of positive terms: sin A - y cos A would cancel at the horizon (numerics.md, A2).
-        double fall = fall_far + way * (fall_near - fall_far), y = y_far + way * (y_near - y_far);
-        rows[j].fall = fall;
-        rows[j].forward_m = h * (cosine + y * sine) / fall;
-        rows[j].half_width_m = pgm_sampler_half_width(sampler, rows[j].forward_m);
-        if (j == 0) continue;
-        double step = rows[j - 1].forward_m - rows[j].forward_m;
-        rows[j].spacing_m = sampling_distance(&rows[j], step, settings->columns, settings->spread);
-        set_level(&rows[j], world, settings);
-    }
-    rows[0].spacing_m = rows[1].spacing_m;
-    set_level(&rows[0], world, settings);
 }

@@ -38,7 +38,14 @@ enum pgm_extension {
     PGM_EXTENSION_TIGHT,     // where the viewing camera's visible ground ends: no row wasted below the screen
 };
 
-enum pgm_law { PGM_LAW_UNIFORM, PGM_LAW_HALF_LOG, PGM_LAW_LOG }; // how rows are spread between the ends
+// How rows are spread between the ends.
+enum pgm_law {
+    PGM_LAW_UNIFORM,  // even on the sampling camera's image plane: the paper's
+    PGM_LAW_HALF_LOG, // half of them even in log distance (numerics.md, A5)
+    PGM_LAW_LOG,      // all of them
+    PGM_LAW_FOCUS,    // half-log, drawn together about a point of the window, as the columns are (Figure 20)
+    PGM_LAW_TARGET,   // by the error that the terrain's levels make at each distance, as many as it takes
+};
 enum pgm_plane { PGM_PLANE_LOWEST, PGM_PLANE_GROUND }; // sampling plane: lowest terrain, or ground at the eye
 enum pgm_lod { PGM_LOD_PUBLISHED, PGM_LOD_CEIL, PGM_LOD_FLOOR }; // Equations 6 and 7
 enum pgm_spread {
@@ -49,6 +56,7 @@ enum pgm_spread {
 
 struct pgm_settings {
     int rows, columns; // quads of the grid, at least 1
+    int extra_rows;    // of them, beyond the lower edge of the window: the paper's extra strips; 0: stretched
     enum pgm_camera camera;
     enum pgm_extension extension;
     enum pgm_law law;
@@ -57,16 +65,23 @@ struct pgm_settings {
     enum pgm_spread spread;
     bool widening; // false: the width of the sampling camera's own frustum (the paper's), which narrows as it
                    // tilts
-    double lod_bias; // levels added to log2(distance / spacing)
+    double lod_bias;    // levels added to log2(distance / spacing)
+    double focus[2];    // PGM_LAW_FOCUS: across and up the window, -1 .. 1
+    double focus_width; // and how far it reaches, in halves of the window; small is strong
+    double target_px;   // PGM_LAW_TARGET
+    bool shrink;        // fewer rows where sky fills the window
+    bool strips;        // ground below the lower edge gets rows of its own, instead of stretching the others
+    double share;       // of the grid that may be used, in (0, 1]
 };
 
 // What the sampler asks of a terrain.
 struct pgm_world {
-    double outline_m[4];        // of the map
-    double lowest_m, highest_m; // of every level that may be drawn
-    double ground_m;            // under the eye (or at the map's edge); for PGM_PLANE_GROUND
-    double spacing_m;           // of the finest level
-    int levels;                 // how many, finest included
+    double outline_m[4];            // of the map
+    double lowest_m, highest_m;     // of every level that may be drawn
+    double ground_m;                // under the eye (or at the map's edge); for PGM_PLANE_GROUND
+    double spacing_m;               // of the finest level
+    int levels;                     // how many, finest included
+    double error_m[PGM_LEVELS_MAX]; // of each against the finest, rms; for PGM_LAW_TARGET
     double (*highest_in)(const void *user,
                          const double rect_m[4]); // highest drawn terrain in x_min, y_min, x_max, y_max
     const void *user;
@@ -78,6 +93,7 @@ struct pgm_sampler {
     double depression;           // A of the sampling camera, radians below the horizon
     double height_m;             // h: eye over the sampling plane, > 0
     double far_m, near_m;        // forward distance of the first and the last row
+    double edge_m;               // where the window's lower edge meets the plane, no nearer than near_m
     double width[3];             // half width at forward distance q: max(width[0] + width[1] q, width[2])
     double reach_m;              // D_far: how far ahead the map goes
     double screen_m;             // nearest forward distance at which the viewing camera sees the plane
@@ -86,35 +102,20 @@ struct pgm_sampler {
     bool empty;       // nothing of the terrain can be seen: no rows
 };
 
-struct pgm_row {
-    double fall;         // b
-    double forward_m;    // q
-    double half_width_m; // w
-    double spacing_m;    // r: distance to the neighbour that picks the level
-    int level;           // above the finest, 0 .. levels - 1
-    double weight;       // of the next coarser level, 0 at the coarsest
-    double range_m; // PGM_LOD_PUBLISHED: the vertex's weight is distance / range - 1, unclamped as printed;
-                    // else 0
-};
-
 void pgm_sampler_aim(struct pgm_sampler *sampler, const struct view *view, const struct pgm_world *world,
                      const struct pgm_settings *settings);
 
-// Fills settings->rows + 1 rows, far to near.  Not for an empty sampler.
-void pgm_sampler_rows(const struct pgm_sampler *sampler, const struct pgm_world *world,
-                      const struct pgm_settings *settings, struct pgm_row *rows);
-
 // Half width of the grid at forward distance q.
 double pgm_sampler_half_width(const struct pgm_sampler *sampler, double forward_m);
+
+// Highest drawn terrain under the rows between two forward distances, relative to the eye.
+double pgm_sampler_highest(const struct pgm_sampler *sampler, const struct view *view,
+                           const struct pgm_world *world, double from, double to);
 
 // Equation 3: the angle by which the viewport is extended, radians.  height: eye over the plane; distance:
 // where the lower edge meets it (<= 0: at or past nadir); highest: highest terrain of the missed area over
 // the plane.
 double pgm_extension_published(double height, double distance, double highest);
 double pgm_extension_stable(double height, double distance, double highest);
-
-// Equations 6 and 7: level and parent's weight for a sampling distance in finest cells.  Zero and NaN give
-// level 0, weight 0.
-void pgm_level_for(double cells, enum pgm_lod lod, int levels, int *level, double *weight);
 
 #endif

@@ -179,8 +179,15 @@ static void test_all_visible_ground_is_covered(void **state)
     struct gpu *gpu = *state;
     struct terrain *terrain = make_terrain(512, 512, NULL, 30, 0.5, 0, hilly_height);
     int views = test_size(40, 1000);
-    static const char *const good[] = {"rows=60", "rows=60 extension=stable", "rows=60 law=uniform",
-                                       "rows=20 law=log plane=ground", "rows=60 cull=on"};
+    static const char *const good[] = {"rows=60",
+                                       "rows=60 extension=stable",
+                                       "rows=60 law=uniform",
+                                       "rows=20 law=log plane=ground",
+                                       "rows=60 cull=on",
+                                       "rows=60 law=focus",
+                                       "rows=200 law=target target=3",
+                                       "rows=60 shrink=on",
+                                       "rows=60 strips=on extension=stable"};
     for (size_t k = 0; k < sizeof good / sizeof *good; k++) {
         struct uncovered all = count_uncovered(gpu, terrain, good[k], views, ROLLED | VALLEYS);
         if (all.bare) FIGURE("%s: %lu of %lu ground pixels uncovered", good[k], all.bare, all.ground);

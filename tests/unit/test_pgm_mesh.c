@@ -25,7 +25,7 @@ static struct mesh make_mesh(int rows, int columns)
     mesh.indices = malloc(mesh.index_count * sizeof *mesh.indices);
     assert_true(mesh.vertices && mesh.indices);
     memset(mesh.indices, 0xff, mesh.index_count * sizeof *mesh.indices);
-    pgm_mesh_vertices(rows, columns, mesh.vertices);
+    pgm_mesh_vertices(rows, columns, 0, 0, mesh.vertices);
     pgm_mesh_indices(rows, columns, mesh.indices);
     return mesh;
 }

@@ -3,7 +3,7 @@
 #include "tests/test.h"
 
 #include "common/view/frustum.h"
-#include "pgm/pgm_sampler.h"
+#include "pgm/pgm_rows.h"
 
 #include <string.h>
 
@@ -45,6 +45,7 @@ static struct pgm_world box_world(const struct boxes *boxes, double size)
                               .highest_in = boxes_highest_in,
                               .user = boxes};
     for (int i = 0; i < boxes->count; i++) world.highest_m = fmax(world.highest_m, boxes->box[i].height);
+    for (int k = 1; k < world.levels; k++) world.error_m[k] = 0.05 * ldexp(world.spacing_m, k);
     return world;
 }
 
@@ -77,7 +78,11 @@ static struct pgm_settings best_settings(int rows, int columns)
                                  .plane = PGM_PLANE_LOWEST,
                                  .lod = PGM_LOD_CEIL,
                                  .spread = PGM_SPREAD_FAR,
-                                 .widening = true};
+                                 .widening = true,
+                                 .focus = {0.2, -0.3},
+                                 .focus_width = 0.3,
+                                 .target_px = 1,
+                                 .share = 1};
 }
 
 // What the vertex program does with a row, in float: place relative to the eye.
@@ -104,7 +109,7 @@ static void test_relative_places_keep_their_digits(void **state)
         struct pgm_settings settings = best_settings(400, 1600);
         struct pgm_sampler sampler;
         pgm_sampler_aim(&sampler, &view, &world, &settings);
-        pgm_sampler_rows(&sampler, &world, &settings, rows);
+        pgm_rows_lay(&sampler, &view, &world, &settings, rows);
         for (int j = 0; j <= 400; j++)
             for (float across = -1; across <= 1; across += 0.125f) {
                 float place[2];
@@ -165,7 +170,7 @@ static void test_rows_reach_the_horizon_in_order(void **state)
     static struct pgm_row rows[MOST_ROWS + 1];
     double farthest = 0;
     int cases = 0;
-    for (int law = PGM_LAW_UNIFORM; law <= PGM_LAW_LOG; law++)
+    for (int law = PGM_LAW_UNIFORM; law <= PGM_LAW_TARGET; law++)
         for (int extension = PGM_EXTENSION_NONE; extension <= PGM_EXTENSION_TIGHT; extension++)
             for (int power = 1; power <= 8; power++)
                 for (int count = 2; count <= MOST_ROWS; count += 799) {
@@ -181,7 +186,7 @@ static void test_rows_reach_the_horizon_in_order(void **state)
                     struct pgm_sampler sampler;
                     pgm_sampler_aim(&sampler, &view, &world, &settings);
                     assert_false(sampler.empty);
-                    pgm_sampler_rows(&sampler, &world, &settings, rows);
+                    pgm_rows_lay(&sampler, &view, &world, &settings, rows);
                     check_rows_descend(&sampler, rows, count);
                     double reach = fmin(sampler.reach_m, eye[2] / tan(1e-9));
                     {
@@ -214,30 +219,30 @@ static void test_every_camera_is_finite(void **state)
     static const double fields[] = {1, 5, 30, 60, 90, 120, 170};
     const struct boxes boxes = {.ground = -50, .count = 1, .box = {{-3000, -3000, 3000, 3000, 900}}};
     struct pgm_world world = box_world(&boxes, 20000);
-    static const double heights[] = {1000, 100, -50,
-                                     -80}; // over all, under the peak, at and below the base plane
+    // Over all, under the peak, at and below the base plane, off the map.
+    static const double heights[] = {1000, 100, -50, -80, 300}, east[] = {100, 100, 100, 100, 31000};
     struct pgm_row rows[17];
     int step = test_size(10, 1), cases = 0, empty = 0;
-    for (int k = 0; k < 4; k++)
+    for (int k = 0; k < 5; k++)
         for (int tenth = -900; tenth <= 900; tenth += step)
             for (int roll = 0; roll <= 180; roll += 15)
                 for (size_t f = 0; f < sizeof fields / sizeof *fields; f++) {
-                    const double eye[3] = {100, 200, heights[k]};
+                    const double eye[3] = {east[k], 200, heights[k]};
                     struct view view = make_view(eye, tenth, tenth * 0.1 * degree, roll * degree,
                                                  fields[f] * degree, 640, 480);
                     struct pgm_settings settings = best_settings(16, 64);
-                    settings.law = (enum pgm_law)(cases % 3);
-                    settings.extension = (enum pgm_extension)(cases / 3 % 4);
-                    settings.camera = (enum pgm_camera)(cases / 12 % 3 > 0);
-                    settings.plane = (enum pgm_plane)(cases / 36 % 2);
-                    settings.widening = cases / 72 % 2;
+                    settings.law = (enum pgm_law)(cases % 5);
+                    settings.extension = (enum pgm_extension)(cases / 5 % 4);
+                    settings.camera = (enum pgm_camera)(cases / 20 % 3 > 0);
+                    settings.plane = (enum pgm_plane)(cases / 60 % 2);
+                    settings.widening = cases / 120 % 2;
                     struct pgm_sampler sampler;
                     pgm_sampler_aim(&sampler, &view, &world, &settings);
                     assert_true(sampler.below_base == (heights[k] <= -50));
                     cases++;
                     empty += sampler.empty;
                     if (sampler.empty) continue;
-                    pgm_sampler_rows(&sampler, &world, &settings, rows);
+                    pgm_rows_lay(&sampler, &view, &world, &settings, rows);
                     check_finite(&sampler, rows, 16);
                 }
     FIGURE("A3 %d cameras: no NaN, no Inf (%d of them see no terrain)", cases, empty);
@@ -326,7 +331,7 @@ static double uncovered_share(const struct pgm_settings *settings, int cameras, 
                                      field * degree, 640, 480);
         struct pgm_sampler sampler;
         pgm_sampler_aim(&sampler, &view, &world, settings);
-        if (!sampler.empty) pgm_sampler_rows(&sampler, &world, settings, rows);
+        if (!sampler.empty) pgm_rows_lay(&sampler, &view, &world, settings, rows);
         long seen = 0, missed = 0;
         for (int i = 0; i < 2000; i++) { // points of random rays where they are not above the terrain
             double x = test_uniform(&seed, -1, 1) * view.tan_half[0],
@@ -358,7 +363,7 @@ static void test_everything_visible_is_covered(void **state)
     int cameras = test_size(2000, 20000);
     struct pgm_settings settings = best_settings(100, 100);
     double worst, share;
-    for (int law = PGM_LAW_UNIFORM; law <= PGM_LAW_LOG; law++)
+    for (int law = PGM_LAW_UNIFORM; law <= PGM_LAW_TARGET; law++)
         for (int plane = PGM_PLANE_LOWEST; plane <= PGM_PLANE_GROUND; plane++) {
             settings.law = (enum pgm_law)law;
             settings.plane = (enum pgm_plane)plane;
@@ -446,7 +451,7 @@ static double blended_step_excess(enum pgm_lod lod)
         struct pgm_sampler sampler;
         pgm_sampler_aim(&sampler, &view, &world, &settings);
         if (sampler.empty) continue;
-        pgm_sampler_rows(&sampler, &world, &settings, rows);
+        pgm_rows_lay(&sampler, &view, &world, &settings, rows);
         assert_true(rows[0].spacing_m == rows[1].spacing_m && rows[0].level == rows[1].level);
         for (int j = 0; j < 300; j++) {
             double blended[2];
@@ -517,7 +522,7 @@ static void test_smallest_grids_and_windows(void **state)
             struct pgm_sampler sampler;
             pgm_sampler_aim(&sampler, &view, &world, &settings);
             assert_false(sampler.empty);
-            pgm_sampler_rows(&sampler, &world, &settings, rows);
+            pgm_rows_lay(&sampler, &view, &world, &settings, rows);
             check_finite(&sampler, rows, 1);
             check_rows_descend(&sampler, rows, 1);
         }
