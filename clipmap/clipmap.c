@@ -210,12 +210,13 @@ static void update_view(struct clipmap *c, struct clipmap_view *own, const struc
 {
     struct clipmap_box clips[CLIPMAP_MAX_LEVELS];
     double height_m = height_over_ground(c->terrain, view);
-    own->spacing_px = clipmap_spacing_px(c->shape.rules.n, view->width, view->tan_half[0]);
     int finest = terrain_info(c->terrain)->finest, heading[2];
     const struct clipmap_fit *fits = c->fitted ? own->fits : NULL;
     turn(own, view, heading);
     for (int k = 0; k < c->shape.levels; k++) own->eyes[k] = view_level_origin(view, finest + k);
     if (c->fitted) clipmap_fit(&c->shape, c->terrain, view, own->eyes, own->fits);
+    own->spacing_px =
+        clipmap_spacing_px(fits ? fits[0].n : c->shape.drawn[0], view->width, view->tan_half[0]);
     own->samples_updated = 0;
     own->levels_behind = own->levels_read = 0;
     glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
