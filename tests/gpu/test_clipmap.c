@@ -172,6 +172,62 @@ static void far_away_is_like_here(void **state)
     }
 }
 
+struct lattice { // where the eye stands, in cells of the finest level
+    double eye[2], spacing_m;
+    uint64_t vertices, wrong, wrong_absolute;
+};
+
+// Every vertex drawn is a sample of the finest level, but for the rounding of its distance to the eye.
+static void check_lattice(const float *triangles, size_t count, void *user)
+{
+    struct lattice *lattice = user;
+    for (size_t i = 0; i < 9 * count; i += 3)
+        for (int axis = 0; axis < 2; axis++) {
+            double cells = (double)triangles[i + (size_t)axis] / lattice->spacing_m;
+            double rounding = ldexp(fabs(cells), -24), place = lattice->eye[axis] + cells;
+            if (rounding > 0.25) continue;
+            lattice->vertices++;
+            lattice->wrong += fabs(place - round(place)) > rounding;
+            float absolute = (float)(round(place) * lattice->spacing_m) -
+                             (float)(lattice->eye[axis] * lattice->spacing_m); // B14: as it is not done
+            lattice->wrong_absolute += fabs((double)absolute / lattice->spacing_m - cells) > rounding;
+        }
+}
+
+// B2, B14: 20 levels, 1/1024 m between the finest samples, 1e7 m from the origin, on a strip so that it is so
+// long.
+static void many_levels_far_away_stay_exact(void **state)
+{
+    struct fixture *f = *state;
+    struct test_map strip = {.width = ((int64_t)1 << test_size(18, 22)) - 3,
+                             .height = 3,
+                             .first = {(int64_t)10240000000, -(int64_t)10240000000},
+                             .spacing_m = {0x1p-10, 0x1p-10},
+                             .quantum_m = 0x1p-12,
+                             .flat_q = 1000};
+    struct terrain *terrain = test_terrain(&strip);
+    struct renderer *renderer = create(f, terrain, "n=15 cull=off");
+    struct lattice lattice = {.spacing_m = 0x1p-10};
+    uint64_t seed = 2;
+    double levels = 0;
+    for (int i = 0; i < 50; i++) {
+        struct view view = view_over(terrain, &seed, 0.001, 0.004);
+        for (int axis = 0; axis < 2; axis++)
+            lattice.eye[axis] = ldexp((double)view.eye_lattice[axis], -view.lattice_bits);
+        capture(f, renderer, terrain, &view, check_lattice, &lattice);
+        struct renderer_stats stats;
+        clipmap_renderer.stats(renderer, &stats);
+        levels = fmax(levels, stats.counters[0].value);
+    }
+    FIGURE("B2, B14: %g levels at 1e7 m: %lu of %lu coordinates off the lattice (%lu from absolute float32)",
+           levels, lattice.wrong, lattice.vertices, lattice.wrong_absolute);
+    assert_true(levels >= test_size(16, 20));
+    assert_int_equal(lattice.wrong, 0);
+    assert_true(lattice.wrong_absolute > lattice.vertices / 2);
+    clipmap_renderer.destroy(renderer);
+    terrain_destroy(terrain);
+}
+
 // Both views of a frame keep their own selection, in any order of draws.
 static void two_views_keep_apart(void **state)
 {
@@ -330,6 +386,7 @@ int main(void)
         cmocka_unit_test(triangles_drawn_level),
         cmocka_unit_test(walks_draw_what_a_fresh_renderer_draws),
         cmocka_unit_test(far_away_is_like_here),
+        cmocka_unit_test(many_levels_far_away_stay_exact),
         cmocka_unit_test(two_views_keep_apart),
         cmocka_unit_test(flat_ground_is_exactly_flat),
         cmocka_unit_test(small_maps),
