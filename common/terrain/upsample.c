@@ -23,40 +23,63 @@ static inline int32_t four_point(int32_t a, int32_t b, int32_t c, int32_t d)
     return 9 * (b + c) - a - d;
 }
 
-// One fine row from one row of coarse values scaled by 2^shift: even samples are the coarse ones.
-static void upsample_row(const int32_t *coarse, int64_t x0, int width, int shift, int32_t *fine)
+// PAIRS: pairs of an even and an odd sample of a fine row at a time, so that the sums live on the stack.
+// LANES: of these in an inner loop, a fixed number, so that -O2 vectorises it.
+enum { PAIRS = 256, LANES = 32 };
+
+static inline void sum_some(const int32_t *restrict coarse, ptrdiff_t stride, int count,
+                            int32_t *restrict sums)
+{
+    for (int i = 0; i < count; i++)
+        sums[i] = four_point(coarse[i], coarse[stride + i], coarse[2 * stride + i], coarse[3 * stride + i]);
+}
+
+// The four-point sums down `count` columns.  The last lanes may do again what those before did.
+static void sum_columns(const int32_t *coarse, ptrdiff_t stride, int count, int32_t *sums)
+{
+    if (count < LANES) sum_some(coarse, stride, count, sums);
+    for (int i = 0; i < count && count >= LANES; i += LANES) {
+        int at = i + LANES <= count ? i : count - LANES;
+        sum_some(coarse + at, stride, LANES, sums + at);
+    }
+}
+
+static inline void pair_some(const int32_t *restrict coarse, int count, int shift, int32_t *restrict fine)
 {
     int32_t even_round = shift ? 1 << (shift - 1) : 0, odd_round = 1 << (shift + 3);
-    int odd = (int)(x0 & 1);
-    for (int x = odd; x < width; x += 2) fine[x] = (coarse[(x + odd) / 2 + 1] + even_round) >> shift;
-    for (int x = 1 - odd; x < width; x += 2) {
-        const int32_t *c = coarse + (x + odd) / 2;
-        fine[x] = (four_point(c[0], c[1], c[2], c[3]) + odd_round) >> (shift + 4);
+    for (int k = 0; k < count; k++) {
+        const int32_t *c = coarse + k;
+        fine[2 * k] = (c[1] + even_round) >> shift;
+        fine[2 * k + 1] = (four_point(c[0], c[1], c[2], c[3]) + odd_round) >> (shift + 4);
+    }
+}
+
+// Pairs of a fine row from count + 3 coarse values scaled by 2^shift: even samples are the coarse ones.
+static void pair_row(const int32_t *coarse, int count, int shift, int32_t *fine)
+{
+    if (count < LANES) pair_some(coarse, count, shift, fine);
+    for (int k = 0; k < count && count >= LANES; k += LANES) {
+        int at = k + LANES <= count ? k : count - LANES;
+        pair_some(coarse + at, LANES, shift, fine + 2 * (ptrdiff_t)at);
     }
 }
 
 void upsample(const int32_t *coarse, int64_t x0, int64_t y0, int width, int height, int32_t *fine)
 {
-    enum { CHUNK = 512 }; // fine columns at a time, so that the row sums live on the stack
-    int coarse_width = upsample_coarse_size(x0, width);
-    int32_t sums[CHUNK / 2 + 5];
+    ptrdiff_t stride = upsample_coarse_size(x0, width);
+    int odd = (int)(x0 & 1), all = (width + odd + 1) / 2;
+    int32_t sums[PAIRS + 3], pairs[2 * PAIRS];
     for (int y = 0; y < height; y++) {
-        int row = (int)(half(y0 + y) - half(y0));
-        const int32_t *c = coarse + (size_t)row * (size_t)coarse_width;
-        int32_t *out = fine + (size_t)y * (size_t)width;
-        if (((y0 + y) & 1) == 0) {
-            upsample_row(c + coarse_width, x0, width, 0, out);
-            continue;
-        }
-        for (int x = 0; x < width; x += CHUNK) {
-            int columns = width - x < CHUNK ? width - x : CHUNK;
-            int first = (int)(half(x0 + x) - half(x0)), count = upsample_coarse_size(x0 + x, columns);
-            for (int i = 0; i < count; i++) {
-                const int32_t *p = c + first + i;
-                sums[i] = four_point(p[0], p[coarse_width], p[2 * (ptrdiff_t)coarse_width],
-                                     p[3 * (ptrdiff_t)coarse_width]);
-            }
-            upsample_row(sums, x0 + x, columns, 4, out + x);
+        const int32_t *rows = coarse + (ptrdiff_t)(half(y0 + y) - half(y0)) * stride;
+        int32_t *out = fine + (ptrdiff_t)y * width;
+        bool between = ((y0 + y) & 1) != 0; // else the fine row stands on the second of the four
+        for (int k = 0; k < all; k += PAIRS) {
+            int count = all - k < PAIRS ? all - k : PAIRS;
+            if (between) sum_columns(rows + k, stride, count + 3, sums);
+            pair_row(between ? sums : rows + stride + k, count, between ? 4 : 0, pairs);
+            int from = k == 0 ? odd : 0, first = 2 * k + from - odd; // the pairs begin on an even sample
+            int end = 2 * (k + count) - odd < width ? 2 * (k + count) - odd : width;
+            memcpy(out + first, pairs + from, (size_t)(end - first) * sizeof *out);
         }
     }
 }
