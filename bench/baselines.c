@@ -212,8 +212,9 @@ static bool upload_indices(struct grid_renderer *grid)
 
 static bool build_programs(struct grid_renderer *grid, const struct scene_effects *effects)
 {
+    struct scene_effects common = scene_effects_common(effects);
     for (int pass = 0; pass < PASS_COUNT; pass++) {
-        if (!gpu_program_build(grid->gpu, &grid->programs[pass], "bench/grid.vert", "", effects, pass))
+        if (!gpu_program_build(grid->gpu, &grid->programs[pass], "bench/grid.vert", "", &common, pass))
             return false;
         GLuint name = grid->programs[pass].name;
         grid->uniforms[pass] = (struct grid_uniforms){

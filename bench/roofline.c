@@ -29,7 +29,8 @@ struct roofline *roofline_create(struct gpu *gpu, const struct scene_effects *ef
     struct roofline *roofline = calloc(1, sizeof *roofline);
     if (!roofline) return fail("out of memory"), NULL;
     roofline->gpu = gpu;
-    if (!gpu_program_build(gpu, &roofline->program, "bench/roofline.vert", "", effects, PASS_SHADED)) {
+    struct scene_effects common = scene_effects_common(effects);
+    if (!gpu_program_build(gpu, &roofline->program, "bench/roofline.vert", "", &common, PASS_SHADED)) {
         roofline_destroy(roofline);
         return NULL;
     }

@@ -3,6 +3,7 @@
 
 #include "clipmap/clipmap_fit.h"
 #include "clipmap/clipmap_select.h"
+#include "clipmap/clipmap_shading.h"
 #include "common/report.h"
 
 #include <math.h>
@@ -22,7 +23,9 @@ enum {
     KNOB_THROTTLE,
     KNOB_AHEAD,
     KNOB_REGIONS,
-    KNOB_SIZES
+    KNOB_SIZES,
+    KNOB_NORMALS,
+    KNOB_ANISOTROPY
 };
 
 enum { N_MIN = 15, N_MAX = 1023 };
@@ -51,6 +54,11 @@ static const struct renderer_knob knobs[] = {
      1, "viewer|frustum"},
     {"sizes", "n for every level, or less where the next coarser level errs less for its spacing", 0, 0, 1,
      "equal|error"},
+    {"normals",
+     "shading own: what picks the resolution of normals, the level blended as the geometry, or mipmaps",
+     CLIPMAP_LOD_LEVEL, 0, 1, "level|mipmap"},
+    {"anisotropy", "shading own: most samples of a normal's filter along a slanted pixel, 1 for none", 1, 1,
+     16, NULL},
     {NULL, NULL, 0, 0, 0, NULL},
 };
 
@@ -69,6 +77,8 @@ struct clipmap_view { // the levels about one viewer, and what was selected for 
     GLuint heights; // one layer a level
     GLuint corners; // of the selection
     GLuint vertex_array;
+    struct clipmap_shading shading; // no maps unless the scene calls for shading `own`
+
     uint64_t samples_updated; // by the last update
     uint64_t samples_left;    // that this frame may still read
     int levels_behind;        // that do not hold what the viewer wants
@@ -79,6 +89,7 @@ struct clipmap_view { // the levels about one viewer, and what was selected for 
 struct clipmap_program {
     struct gpu_program program;
     GLint heights, slot, place, sides, morph;
+    struct clipmap_shading_uniforms shading;
 };
 
 struct clipmap {
@@ -92,6 +103,8 @@ struct clipmap {
     bool fitted;     // regions are fitted to the frustum
     uint64_t budget; // samples a frame and view
     int frame;       // the one begun last
+    bool own_shading;
+    struct clipmap_shading_rules shading_rules;
     struct clipmap_mesh mesh;
     struct clipmap_scratch scratch;
     struct clipmap_view views[RENDERER_MAX_VIEWS]; // each is made when it is first used
@@ -135,6 +148,9 @@ static bool create_view(struct clipmap *c, struct clipmap_view *view)
                                 c->shape.size))
             return false;
     if (!clipmap_selection_init(&view->selection, &c->shape)) return false;
+    if (c->own_shading && !clipmap_shading_init(&view->shading, c->gpu, c->terrain, &c->shading_rules,
+                                                c->shape.levels, c->shape.size))
+        return false;
     create_heights(c, view);
     create_vertex_array(c, view);
     return true;
@@ -144,6 +160,7 @@ static void destroy_view(struct clipmap_view *view)
 {
     for (int k = 0; k < CLIPMAP_MAX_LEVELS; k++) clipmap_store_finish(&view->stores[k]);
     clipmap_selection_finish(&view->selection);
+    clipmap_shading_finish(&view->shading);
     if (!view->heights) return; // GL objects come last, all or none
     glDeleteTextures(1, &view->heights);
     glDeleteBuffers(1, &view->corners);
@@ -226,6 +243,8 @@ static void update_view(struct clipmap *c, struct clipmap_view *own, const struc
         refill_level(c, own, k, &desired, heading);
         clips[k] = own->stores[k].clip;
     }
+    for (int k = c->shape.levels - 1; c->own_shading && k >= 0; k--)
+        clipmap_shading_update(&own->shading, k, &clips[k], c->rebuild);
     clipmap_regions(&c->shape, own->eyes, height_m, fits, clips, own->regions);
     clipmap_select(&own->selection, &c->shape, &c->choice, &c->mesh, own->regions, own->stores, own->eyes,
                    view);
@@ -279,6 +298,8 @@ static void set_level(const struct clipmap *c, const struct clipmap_program *pro
                 (float)level.spacing_m[1]);
     glUniform4f(program->sides, region->low[0], region->low[1], region->high[0], region->high[1]);
     glUniform3f(program->morph, region->width, 1.0f / region->width, region->fade);
+    if (c->own_shading && program->program.pass == PASS_SHADED)
+        clipmap_shading_set_level(&view->shading, &program->shading, k, view->regions, view->eyes);
 }
 
 static void draw_some(const struct clipmap *c, const struct clipmap_program *program,
@@ -308,6 +329,7 @@ static void draw(struct renderer *renderer, int view_index, enum render_pass pas
     glBindTexture(GL_TEXTURE_2D_ARRAY, view->heights);
     glBindVertexArray(view->vertex_array);
     glBindBuffer(GL_ARRAY_BUFFER, view->corners);
+    if (c->own_shading) clipmap_shading_begin(&view->shading);
     if (c->front_only && pass != PASS_POSITION)
         glEnable(GL_CULL_FACE); // measuring looks for faces seen from below
     draw_some(c, &c->programs[pass], view, 0, blocks);
@@ -315,6 +337,7 @@ static void draw(struct renderer *renderer, int view_index, enum render_pass pas
         glDisable(GL_CULL_FACE); // a triangle of no area fills a dropped pixel whichever way it seems to face
     draw_some(c, split ? &c->split_programs[pass] : &c->programs[pass], view, blocks, draws);
     glDisable(GL_CULL_FACE);
+    if (c->own_shading) clipmap_shading_end();
 }
 
 static void stats(const struct renderer *renderer, struct renderer_stats *stats)
@@ -330,6 +353,7 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
             bytes +=
                 (size_t)c->shape.size * (size_t)c->shape.size * (size_t)c->shape.levels * 2 * sizeof(float) +
                 (size_t)v->selection.capacity * sizeof *v->selection.corners;
+        bytes += clipmap_shading_bytes(&v->shading);
     }
     *stats = (struct renderer_stats){
         .triangles = c->view_count > 0 ? view->selection.triangles : 0,
@@ -356,17 +380,19 @@ static bool build_program(struct clipmap *c, struct clipmap_program *p, const ch
     p->place = glGetUniformLocation(p->program.name, "place");
     p->sides = glGetUniformLocation(p->program.name, "sides");
     p->morph = glGetUniformLocation(p->program.name, "morph");
+    p->shading = clipmap_shading_locate(p->program.name);
     return true;
 }
 
 static bool build_programs(struct clipmap *c, const struct scene_effects *effects)
 {
     const char *alpha = c->shape.rules.alpha == CLIPMAP_ALPHA_PUBLISHED ? "#define PUBLISHED_ALPHA\n" : "";
-    char defines[96], split_defines[96];
-    snprintf(defines, sizeof defines, "#define SIZE %d\n#define ROW %d\n%s", c->shape.size, CLIPMAP_ROW,
-             alpha);
-    snprintf(split_defines, sizeof split_defines, "#define SIZE %d\n#define ROW %d\n#define SPLIT\n%s",
-             c->shape.size, CLIPMAP_HALF_ROW, alpha);
+    char defines[160], split_defines[160], shading[64];
+    clipmap_shading_defines(&c->shading_rules, shading);
+    snprintf(defines, sizeof defines, "#define SIZE %d\n#define ROW %d\n%s%s", c->shape.size, CLIPMAP_ROW,
+             alpha, shading);
+    snprintf(split_defines, sizeof split_defines, "#define SIZE %d\n#define ROW %d\n#define SPLIT\n%s%s",
+             c->shape.size, CLIPMAP_HALF_ROW, alpha, shading);
     for (int pass = 0; pass < PASS_COUNT; pass++)
         if (!build_program(c, &c->programs[pass], defines, effects, (enum render_pass)pass) ||
             !build_program(c, &c->split_programs[pass], split_defines, effects, (enum render_pass)pass))
@@ -435,6 +461,10 @@ static bool init(struct clipmap *c, const struct renderer_desc *desc)
     c->gpu = desc->gpu;
     c->terrain = desc->terrain;
     c->frame = -1;
+    c->own_shading = desc->effects->shading == SCENE_SHADING_OWN;
+    c->shading_rules =
+        (struct clipmap_shading_rules){(enum clipmap_lod)desc->knobs[KNOB_NORMALS],
+                                       clipmap_shading_anisotropy((int)desc->knobs[KNOB_ANISOTROPY])};
     if (!set_shape(c, desc->knobs) || !clipmap_mesh_init(&c->mesh) ||
         !clipmap_scratch_init(&c->scratch, c->shape.size) || !build_programs(c, desc->effects))
         return false;

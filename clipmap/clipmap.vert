@@ -11,6 +11,10 @@ uniform vec4 place;             // the eye's fraction of a cell; metres between 
 uniform vec4 sides;             // the lines, in cells, from which the morph runs inwards: west, south, east, north
 uniform vec3 morph;             // its width in cells, 1 / width, and the least alpha of the level
 
+#ifdef SHADING_OWN
+out float v_alpha; // blends the normal maps as it does the heights
+#endif
+
 vec2 heights_at(ivec2 cell)
 {
     ivec2 texel = cell + slot.xy;
@@ -36,6 +40,9 @@ vec3 relative_position()
     float alpha = min(max((morph.x - d) * morph.y, morph.z), 1.0);
 #ifndef PUBLISHED_ALPHA
     if (d <= 0.0) alpha = 1.0;
+#endif
+#ifdef SHADING_OWN
+    v_alpha = alpha;
 #endif
     // z + (z_c - z) alpha keeps a flat surface flat; it need not reach z_c at 1, hence the choice (numerics.md, section 0).
     float z_morphed = alpha >= 1.0 ? z.y : z.x + (z.y - z.x) * alpha;

@@ -72,7 +72,10 @@ enum render_pass {
 //     vec3 relative_position();            camera-relative position of this vertex, metres
 // and may use the helpers and uniforms of common/gl/frame.glsl.  The common part writes gl_Position
 // (invariant) and the varying v_relative, which transform feedback captures.  Fragments are common to all
-// renderers.
+// renderers, but for shading `own`: then SHADING_OWN is defined in the shaded pass, and the file beside the
+// vertex file with the ending .frag defines
+//     vec3 surface_normal();               unit normal at this fragment; called before any discard
+// A renderer without such a file has no shading of its own, and says so in one line.
 struct gpu_program {
     GLuint name;
     enum render_pass pass;

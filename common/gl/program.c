@@ -85,13 +85,27 @@ static const char *pass_define(enum render_pass pass)
     return defines[pass];
 }
 
-static GLuint compile_vertex(const char *vertex_file, const char *defines, enum render_pass pass)
+// What a program is assembled from.
+struct parts {
+    const char *vertex_file, *defines;
+    const struct scene_effects *effects;
+    enum render_pass pass;
+    bool own_shading;
+};
+
+static void add_defines(struct source *source, const struct parts *parts)
+{
+    static const char own[] = "#define SHADING_OWN\n";
+    add_text(source, "(defines)", parts->defines, strlen(parts->defines));
+    add_text(source, "(pass)", pass_define(parts->pass), strlen(pass_define(parts->pass)));
+    if (parts->own_shading) add_text(source, "(shading)", own, sizeof own - 1);
+}
+
+static GLuint compile_vertex(const struct parts *parts)
 {
     struct source source = {.pieces = 0};
-    if (!defines) defines = "";
-    add_text(&source, "(defines)", defines, strlen(defines));
-    add_text(&source, "(pass)", pass_define(pass), strlen(pass_define(pass)));
-    if (!add_file(&source, "common/gl/frame.glsl") || !add_file(&source, vertex_file) ||
+    add_defines(&source, parts);
+    if (!add_file(&source, "common/gl/frame.glsl") || !add_file(&source, parts->vertex_file) ||
         !add_file(&source, "common/gl/main.vert"))
         return 0;
     return compile(GL_VERTEX_SHADER, &source);
@@ -104,11 +118,29 @@ static GLuint compile_side(void)
     return compile(GL_GEOMETRY_SHADER, &source);
 }
 
-static GLuint compile_fragment(enum render_pass pass)
+// The renderer's own shading stands beside its vertex file: clipmap/clipmap.frag.
+static bool add_own_normal(struct source *source, const char *vertex_file)
+{
+    char path[256];
+    snprintf(path, sizeof path, "%.*s.frag", (int)(strrchr(vertex_file, '.') - vertex_file), vertex_file);
+    if (embedded_find(path)) return add_file(source, path);
+    return fail("%.*s has no shading of its own; accepted in the scene is \"shading\": \"common\"",
+                (int)strcspn(vertex_file, "/"), vertex_file);
+}
+
+static bool add_shading(struct source *source, const struct parts *parts)
+{
+    return add_file(source, "common/gl/height_colour.glsl") &&
+           (parts->own_shading ? add_own_normal(source, parts->vertex_file)
+                               : add_file(source, "common/gl/face_normal.glsl"));
+}
+
+static GLuint compile_fragment(const struct parts *parts)
 {
     struct source source = {.pieces = 0};
-    add_text(&source, "(pass)", pass_define(pass), strlen(pass_define(pass)));
+    add_defines(&source, parts);
     if (!add_file(&source, "common/gl/frame.glsl") || !add_file(&source, "common/gl/outline.glsl") ||
+        (parts->pass == PASS_SHADED && !add_shading(&source, parts)) ||
         !add_file(&source, "common/gl/terrain.frag"))
         return 0;
     return compile(GL_FRAGMENT_SHADER, &source);
@@ -135,12 +167,14 @@ static bool link_program(GLuint name, const GLuint *shaders, int count, const ch
 bool gpu_program_build(struct gpu *gpu, struct gpu_program *program, const char *vertex_file,
                        const char *defines, const struct scene_effects *effects, enum render_pass pass)
 {
-    (void)gpu, (void)effects; // SCENE_SHADING_COMMON is the only shading so far
+    (void)gpu;
+    const struct parts parts = {vertex_file, defines ? defines : "", effects, pass,
+                                pass == PASS_SHADED && effects->shading == SCENE_SHADING_OWN};
     *program = (struct gpu_program){.pass = pass};
     GLuint shaders[3] = {0};
     int count = 0;
-    bool good = (shaders[count++] = compile_vertex(vertex_file, defines, pass)) != 0;
-    good = good && (shaders[count++] = compile_fragment(pass)) != 0;
+    bool good = (shaders[count++] = compile_vertex(&parts)) != 0;
+    good = good && (shaders[count++] = compile_fragment(&parts)) != 0;
     if (pass == PASS_POSITION) good = good && (shaders[count++] = compile_side()) != 0;
     if (good) {
         program->name = glCreateProgram();

@@ -1,28 +1,17 @@
-// The one fragment program: a height ramp with Lambert shading, or the position itself, or depth alone.
+// The one fragment program: a height ramp with Lambert shading, or the position itself, or depth alone.  Two pieces before
+// it say what is shaded: `vec3 surface_normal()` (unit; face_normal.glsl, or the renderer's own) and
+// `vec3 ground_colour()` (height_colour.glsl or image_colour.glsl).
 #if defined(PASS_SHADED)
 layout(location = 0) out vec4 colour;
-
-// Green valleys, dry slopes, grey rock, snow.
-vec3 ramp(float t)
-{
-    const vec3 valley = vec3(0.34, 0.52, 0.38), meadow = vec3(0.66, 0.70, 0.46), slope = vec3(0.82, 0.70, 0.50);
-    const vec3 rock = vec3(0.66, 0.58, 0.53), snow = vec3(1.0, 1.0, 1.0);
-    vec3 c = mix(valley, meadow, clamp(t * 3.2, 0.0, 1.0));
-    c = mix(c, slope, clamp((t - 0.31) * 4.0, 0.0, 1.0));
-    c = mix(c, rock, clamp((t - 0.56) * 5.0, 0.0, 1.0));
-    return mix(c, snow, clamp((t - 0.76) * 6.0, 0.0, 1.0));
-}
 
 void main()
 {
     // Derivatives come before the discard: they need the neighbours that it would take away.
-    vec3 normal = cross(dFdx(v_relative), dFdy(v_relative));
+    vec3 normal = surface_normal(), ground = ground_colour();
     if (outside_map()) discard;
-    normal *= inversesqrt(max(dot(normal, normal), 1e-30)) * (normal.z < 0.0 ? -1.0 : 1.0);
     const vec3 to_sun = vec3(-0.58, 0.58, 0.57); // north-west, 35 degrees high
     vec3 light = vec3(0.30, 0.35, 0.44) + vec3(1.05, 0.99, 0.88) * max(dot(normal, to_sun), 0.0);
-    float t = (v_relative.z + height.w - shade.x) * shade.y;
-    colour = vec4(ramp(sqrt(clamp(t, 0.0, 1.0))) * light, 1.0); // the root spreads the lowlands, where most ground is
+    colour = vec4(ground * light, 1.0);
 }
 #elif defined(PASS_POSITION)
 noperspective in vec3 v_weight; // side.geom

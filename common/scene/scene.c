@@ -398,9 +398,11 @@ static bool read_effects(struct scene *scene, const char *file, const cJSON *jso
 {
     struct place at = {file, "effects"};
     const char *shading = "common";
-    scene->effects.shading = SCENE_SHADING_COMMON;
-    return !json ||
-           (check_object(at, json, "shading") && read_text_value(at, json, "shading", "common", &shading));
+    if (json &&
+        (!check_object(at, json, "shading") || !read_text_value(at, json, "shading", "common|own", &shading)))
+        return false;
+    scene->effects.shading = *shading == 'o' ? SCENE_SHADING_OWN : SCENE_SHADING_COMMON;
+    return true;
 }
 
 static bool build(struct scene *scene, const char *file, const cJSON *json, const char *terrain_file)
@@ -470,6 +472,18 @@ void scene_destroy(struct scene *scene)
     path_destroy(scene->path);
     terrain_destroy(scene->terrain);
     free(scene);
+}
+
+struct scene_effects scene_effects_common(const struct scene_effects *effects)
+{
+    struct scene_effects common = *effects;
+    common.shading = SCENE_SHADING_COMMON;
+    return common;
+}
+
+const char *scene_shading_word(enum scene_shading shading)
+{
+    return shading == SCENE_SHADING_OWN ? "own" : "common";
 }
 
 void scene_view(const struct scene *scene, int frame, int frames, struct view *view)

@@ -13,7 +13,9 @@
 //                "clearance": m, "frames": 96 }
 //            | { "poses": "file.txt", "every": 5, "pitch": -12 }     rows of u v z yaw (see scene.c)
 //     "view":  { "width": 640, "height": 480, "fov_vertical": 60, "near": m (optional) },
-//     "effects": { "shading": "common" } }
+//     "effects": { "shading": "common" | "own"  the same for all renderers: a height ramp and the drawn
+//     triangles'
+//                                               normals; or the renderer's own normals } }
 //
 // "name" and "terrain" are required; a missing "path" is "auto", a missing "view" 640 x 480 at 60 degrees.
 // A key frame needs x, y and height; above_ground is false and angles are 0 when missing, clearance 2 m,
@@ -27,7 +29,7 @@
 
 #include <stdbool.h>
 
-enum scene_shading { SCENE_SHADING_COMMON };
+enum scene_shading { SCENE_SHADING_COMMON, SCENE_SHADING_OWN };
 
 struct scene_effects {
     enum scene_shading shading;
@@ -44,6 +46,10 @@ struct scene {
     double near_m;           // 0: by height over ground
     struct scene_effects effects;
 };
+
+// The effects with shading `common`, for baselines, which have none of their own.
+struct scene_effects scene_effects_common(const struct scene_effects *effects);
+const char *scene_shading_word(enum scene_shading shading);
 
 // Loads scene_file (NULL: the default scene that the program carries).  terrain_file (may be NULL) replaces
 // the scene's terrain, and a path is made to suit it.  width and height > 0 replace the scene's.  NULL after
