@@ -27,10 +27,10 @@ enum {
 
 static const struct renderer_knob knobs[] = {
     {"tau", "screen-space error allowed, px: more is faster", 1, 0, 1e6, NULL},
-    {"patch", "samples on a side of a tile: large tiles cost fewer draws and more triangles", 0, 0, 2,
-     "17|33|65"},
+    {"patch", "samples on a side of a tile: large tiles cost fewer draws and more triangles", 1, 0, 3,
+     "9|17|33|65"},
     {"merge", "how often 2 x 2 distant tiles may merge into one of twice the size, at most up to 129 samples",
-     3, 0, 3, NULL},
+     3, 0, 4, NULL},
     {"metric", "how error is projected: by distance, by depth, or so that it holds anywhere in the window",
      GEOMIPMAP_SAFE, 0, 2, "paper|depth|safe"},
     {"delta", "error of a tile: as published, or with the borders that finer neighbours ask for",
@@ -193,10 +193,10 @@ static void set_morph(struct geomipmap_view *view, const struct geomipmap_pick *
     float *texel = view->morphs[slot];
     int levels = 0;
     for (int side = 0; side < GEOMIPMAP_SIDES; side++) {
-        texel[side] = pick->hem[side].morph;
+        texel[side] = (float)pick->hem[side].morph / GEOMIPMAP_MORPHED;
         levels |= pick->hem[side].level << 3 * side;
     }
-    texel[4] = pick->morph;
+    texel[4] = (float)pick->morph / GEOMIPMAP_MORPHED;
     texel[5] = (float)pick->level;
     texel[6] = (float)levels;
 }
@@ -481,7 +481,7 @@ static void destroy(struct renderer *renderer)
 
 static bool init(struct geomipmap *g, const struct renderer_desc *desc)
 {
-    int bits = 4 + (int)desc->knobs[KNOB_PATCH];
+    int bits = 3 + (int)desc->knobs[KNOB_PATCH];
     g->choice = (struct geomipmap_choice){.metric = (enum geomipmap_metric)desc->knobs[KNOB_METRIC],
                                           .tau_px = desc->knobs[KNOB_TAU],
                                           .cull = desc->knobs[KNOB_CULL] != 0,

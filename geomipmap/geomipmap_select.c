@@ -128,15 +128,15 @@ struct asked { // a tile whose level is sought
 
 struct grade { // of detail
     int level;
-    float morph;
+    uint8_t morph;
 };
 
 // How far the level's error is from what is allowed, towards the next coarser level's: the mean of both
 // surfaces so weighted is as wrong as is allowed.
-static float morph_of(const float *error, int level, double allowed)
+static uint8_t morph_of(const float *error, int level, double allowed)
 {
     double from = (double)error[level], to = (double)error[level + 1];
-    return to > from ? (float)fmin(fmax((allowed - from) / (to - from), 0), 1) : 0;
+    return to > from ? (uint8_t)(fmin(fmax((allowed - from) / (to - from), 0), 1) * GEOMIPMAP_MORPHED) : 0;
 }
 
 static struct grade grade_at_depth(const struct scan *scan, const struct asked *asked, double depth,
@@ -399,11 +399,11 @@ static void choose_set(const struct scan *scan, struct geomipmap_pick *pick)
     for (int side = 0; side < GEOMIPMAP_SIDES; side++) {
         if (scan->borders == GEOMIPMAP_REMOVE) {
             neighbours[side] = removed_step(scan, pick, (enum geomipmap_side)side);
-            pick->hem[side] = (struct geomipmap_hem){neighbours[side], 0};
+            pick->hem[side] = (struct geomipmap_hem){(uint8_t)neighbours[side], 0};
         } else {
             struct geomipmap_cover cover = border_cover(scan, pick, (enum geomipmap_side)side);
             neighbours[side] = cover.step - pick->place.height;
-            pick->hem[side] = (struct geomipmap_hem){neighbours[side], cover.morph};
+            pick->hem[side] = (struct geomipmap_hem){(uint8_t)neighbours[side], cover.morph};
         }
     }
     pick->set = geomipmap_mesh_set(scan->tiles->bits, scan->borders, pick->level, neighbours);

@@ -30,10 +30,10 @@ struct geomipmap_pick {
     int set;               // geomipmap_mesh_set
     bool seen;             // the frustum meets it
     int next;              // while selecting: the pick after this one
-    float morph;           // 0 .. 1: the way from its level to the next coarser
+    uint8_t morph;         // way from its level to the next coarser, in steps of 1 / GEOMIPMAP_MORPHED
     struct geomipmap_hem { // a side as drawn
-        int level;         // whose vertices it has, counted as the tile's own
-        float morph;       // of that level
+        uint8_t level;     // whose vertices it has, counted as the tile's own
+        uint8_t morph;     // of that level
     } hem[GEOMIPMAP_SIDES];
 };
 
@@ -49,9 +49,9 @@ struct geomipmap_choice { // how to select; the same for all frames
 struct geomipmap_cover { // what covers a tile of height 0
     uint8_t height;
     uint8_t step; // every 2^step-th sample is drawn; GEOMIPMAP_NOTHING: no pick covers it
-    float morph;
+    uint8_t morph;
 };
-enum { GEOMIPMAP_NOTHING = 255 };
+enum { GEOMIPMAP_NOTHING = 255, GEOMIPMAP_MORPHED = 255 };
 
 struct geomipmap_selection {
     struct geomipmap_pick *picks; // those seen first

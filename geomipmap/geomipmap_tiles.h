@@ -18,7 +18,7 @@
 #include "geomipmap/geomipmap_lod.h"
 
 // Without merging, culling begins with blocks of 8 x 8 tiles.
-enum { GEOMIPMAP_BLOCK_HEIGHT = 3, GEOMIPMAP_MAX_HEIGHTS = GEOMIPMAP_BLOCK_HEIGHT + 1 };
+enum { GEOMIPMAP_BLOCK_HEIGHT = 3, GEOMIPMAP_MAX_HEIGHTS = 5 };
 
 struct geomipmap_range { // lowest and highest sample, quanta
     int32_t low, high;
