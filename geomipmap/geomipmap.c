@@ -369,15 +369,43 @@ static void draw(struct renderer *renderer, int view_index, enum render_pass pas
     glDisable(GL_CULL_FACE);
 }
 
+// Buffers of the GL, for slots, index sets and morphs.
+static size_t buffer_bytes(const struct geomipmap *g)
+{
+    size_t slot_bytes = (size_t)g->tile_vertices * g->vertex_bytes + sizeof(struct texel);
+    size_t bytes = (size_t)g->room * slot_bytes + g->mesh.index_count * sizeof *g->mesh.indices;
+    for (int i = 0; i < RENDERER_MAX_VIEWS; i++)
+        bytes += (size_t)g->views[i].morph_room * sizeof *g->views[i].morphs;
+    return bytes;
+}
+
+// What grows with the terrain or the view: tiles, cache, selections, index sets and lists of draws, and the
+// buffers.
+static size_t tile_bytes(const struct geomipmap *g)
+{
+    size_t bytes = geomipmap_tiles_bytes(&g->tiles) + geomipmap_cache_bytes(&g->cache) + buffer_bytes(g) +
+                   g->mesh.index_count * sizeof *g->mesh.indices +
+                   (size_t)g->mesh.part_count * sizeof *g->mesh.parts;
+    for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {
+        const struct geomipmap_view *view = &g->views[i];
+        bytes +=
+            geomipmap_selection_bytes(&view->selection, &g->tiles) +
+            (size_t)view->room * (sizeof *view->counts + sizeof *view->first + sizeof *view->base_vertex) +
+            (size_t)view->morph_room * sizeof *view->morphs;
+    }
+    return bytes;
+}
+
 static void stats(const struct renderer *renderer, struct renderer_stats *stats)
 {
     const struct geomipmap *g = (const struct geomipmap *)renderer;
     const struct geomipmap_cache_counts *now = &g->cache.counts, *before = &g->counts_before;
-    size_t slot_bytes = (size_t)g->tile_vertices * g->vertex_bytes + sizeof(struct texel);
+    double samples = (double)terrain_info(g->tiles.terrain)->samples;
+    size_t own = tile_bytes(g);
     *stats = (struct renderer_stats){
         .triangles = g->view_count > 0 ? g->views[0].triangles : 0,
         .claimed_error_px = g->choice.tau_px,
-        .resident_bytes = (uint64_t)g->room * slot_bytes + g->mesh.index_count * sizeof *g->mesh.indices,
+        .resident_bytes = buffer_bytes(g),
         .counters = {{"tiles", g->view_count > 0 ? g->views[0].drawn : 0},
                      {"hits", (double)(now->hits - before->hits)},
                      {"misses", (double)(now->misses - before->misses)},
@@ -386,7 +414,10 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
                      {"shrunk", (double)(now->shrunk - before->shrunk)},
                      {"slots", g->cache.slot_count},
                      {"height_bytes", (double)g->vertex_bytes},
-                     {"index_bytes", (double)(g->mesh.index_count * sizeof *g->mesh.indices)}},
+                     {"index_bytes", (double)(g->mesh.index_count * sizeof *g->mesh.indices)},
+                     {"tile_bytes_a_sample", (double)own / samples},
+                     {"bytes_a_sample",
+                      ((double)own + (double)terrain_resident_bytes(g->tiles.terrain)) / samples}},
     };
 }
 

@@ -24,6 +24,12 @@ void geomipmap_cache_finish(struct geomipmap_cache *cache)
     *cache = (struct geomipmap_cache){0};
 }
 
+size_t geomipmap_cache_bytes(const struct geomipmap_cache *cache)
+{
+    return (size_t)cache->slot_room * sizeof *cache->slots +
+           (size_t)cache->tile_count * sizeof *cache->slot_of;
+}
+
 // ---- the list, newest to oldest -----------------------------------------------------------------
 
 static void unlink_slot(struct geomipmap_cache *cache, int slot)

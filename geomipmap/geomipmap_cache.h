@@ -13,6 +13,7 @@
 #define GEOMIPMAP_GEOMIPMAP_CACHE_H
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 enum geomipmap_found {
@@ -42,7 +43,8 @@ struct geomipmap_cache {
 };
 
 bool geomipmap_cache_init(struct geomipmap_cache *cache, int tile_count,
-                          int limit);                       // false after one line on stderr
+                          int limit); // false after one line on stderr
+size_t geomipmap_cache_bytes(const struct geomipmap_cache *cache);
 void geomipmap_cache_finish(struct geomipmap_cache *cache); // accepts a zeroed cache
 
 // Begins a frame.  True when a slot was given back and the content of slot `*from` (the last one, which is

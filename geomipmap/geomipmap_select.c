@@ -49,6 +49,14 @@ void geomipmap_selection_restart(struct geomipmap_selection *selection, const st
            (size_t)tiles->grid[0].columns * (size_t)tiles->grid[0].rows);
 }
 
+size_t geomipmap_selection_bytes(const struct geomipmap_selection *selection,
+                                 const struct geomipmap_tiles *tiles)
+{
+    size_t count = (size_t)tiles->grid[0].columns * (size_t)tiles->grid[0].rows;
+    return count * (sizeof *selection->cover + sizeof *selection->last_step) +
+           (size_t)selection->room * (sizeof *selection->picks + sizeof *selection->list);
+}
+
 struct scan { // of one view
     struct geomipmap_selection *selection;
     const struct geomipmap_tiles *tiles;

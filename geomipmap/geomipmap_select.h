@@ -65,6 +65,9 @@ struct geomipmap_selection {
 bool geomipmap_selection_init(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles);
 void geomipmap_selection_finish(struct geomipmap_selection *selection); // accepts a zeroed selection
 
+size_t geomipmap_selection_bytes(const struct geomipmap_selection *selection,
+                                 const struct geomipmap_tiles *tiles);
+
 // Forgets the frames so far: what comes next does not continue them.
 void geomipmap_selection_restart(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles);
 

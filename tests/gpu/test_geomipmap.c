@@ -562,6 +562,32 @@ static void any_terrain_is_drawn_with_its_own_heights(void **state)
     }
 }
 
+// The paper's figure, less than 2.5 bytes a sample for all but the terrain itself: tiles, index sets, lists
+// and the heights of every tile in use.
+static void tiles_fit_the_bytes_a_sample_of_the_paper(void **state)
+{
+    struct fixture *f = *state;
+    struct test_map map = hills;
+    map.width = map.height = 2049;
+    struct terrain *terrain = test_fractal(&map, 16);
+    static const char *const settings[] = {"tau=1", "tau=1 merge=0", "tau=1 morph=on hysteresis=0.1"};
+    uint64_t seed = 17;
+    for (int s = 0; s < 3; s++) {
+        struct renderer *renderer = create(f, terrain, settings[s]);
+        double most = 0;
+        for (int k = 0; k < test_size(10, 100); k++) {
+            struct view view = random_view(terrain, &seed, 2, 3000);
+            update(renderer, &view, 1);
+            most = fmax(most, counter(renderer, "tile_bytes_a_sample"));
+        }
+        FIGURE("%s: at most %.3f bytes a sample, %.2f with the terrain in memory", settings[s], most,
+               counter(renderer, "bytes_a_sample"));
+        assert_true(most < 2.5);
+        geomipmap_renderer.destroy(renderer);
+    }
+    terrain_destroy(terrain);
+}
+
 // Cameras that nothing flies with on purpose (E11): every one selects, draws samples of the terrain and
 // leaves no GL error.
 static void any_camera_is_drawn(void **state)
@@ -621,6 +647,7 @@ int main(void)
         cmocka_unit_test(claim_holds_and_nothing_is_left_out),
         cmocka_unit_test(flat_ground_is_exact_and_cheap),
         cmocka_unit_test(any_terrain_is_drawn_with_its_own_heights),
+        cmocka_unit_test(tiles_fit_the_bytes_a_sample_of_the_paper),
         cmocka_unit_test(any_camera_is_drawn),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
