@@ -49,8 +49,11 @@ struct flying { // a setting in flight
 static bool take_off(const struct papers *papers, const struct scene *scene, int frames,
                      const struct papers_flight *flight, struct flying *flying)
 {
-    struct renderer_desc desc = {papers->gpu,  scene->terrain, &scene->effects,
-                                 scene->width, scene->height,  {0}};
+    struct renderer_desc desc = {.gpu = papers->gpu,
+                                 .terrain = scene->terrain,
+                                 .effects = &scene->effects,
+                                 .width = scene->width,
+                                 .height = scene->height};
     renderer_default_knobs(flight->type, desc.knobs);
     for (int k = 0; flight->knobs[k]; k += 2)
         if (!renderer_parse_knob(flight->type, flight->knobs[k], flight->knobs[k + 1], desc.knobs))

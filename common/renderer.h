@@ -6,7 +6,7 @@
 // number of times. Faces may be culled in the shaded and depth passes, never in the position pass: what is
 // seen from below shows a crack. By default they are not: a clipped triangle that is nearly edge-on may be
 // culled by one rounding of its corners and drawn by another, and leave a pixel undrawn. update and draw are
-// timed apart.  Results depend on the frame number and the views alone, never on the clock.
+// timed apart.  Results depend on the frame number and the views alone, never on the clock, unless realtime.
 // SPDX-License-Identifier: MIT
 #ifndef COMMON_RENDERER_H
 #define COMMON_RENDERER_H
@@ -29,6 +29,7 @@ struct renderer_desc {
     const struct terrain *terrain;       // borrowed until destroy
     const struct scene_effects *effects; // borrowed until destroy
     int width, height;                   // pixels of the largest view
+    bool realtime;                       // a viewer: what is drawn may depend on the clock
     double knobs[RENDERER_MAX_KNOBS];    // by index into type->knobs
 };
 

@@ -110,7 +110,8 @@ bool viewer_make_renderer(struct viewer *viewer)
                                  .terrain = viewer->scene->terrain,
                                  .effects = &viewer->scene->effects,
                                  .width = viewer->scene->width,
-                                 .height = viewer->scene->height};
+                                 .height = viewer->scene->height,
+                                 .realtime = true};
     for (int k = 0; k < RENDERER_MAX_KNOBS; k++) desc.knobs[k] = viewer->knobs[k];
     viewer->largest[0] = desc.width;
     viewer->largest[1] = desc.height;

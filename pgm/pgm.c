@@ -12,6 +12,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 enum { SAMPLING_BINDING = 1, ROWS_BINDING = 2, HEIGHTS_UNIT = 0 };
 
@@ -143,6 +144,7 @@ struct pgm {
     GLuint vertex_array, vertex_buffer, index_buffer;
     size_t grid_bytes;
     uint64_t refilled_bytes; // of heights, this frame
+    double begun_ms;         // the last frame, in real time
     int tiles;
     GLint *base_vertices; // zeros, one for each tile
     struct pgm_row rows[PGM_ROWS_MAX + 1];
@@ -372,9 +374,23 @@ static struct renderer *pgm_create(const struct renderer_desc *desc)
 
 // ---- update ----------------------------------------------------------------
 
+static double now_ms(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return 1e3 * (double)now.tv_sec + 1e-6 * (double)now.tv_nsec;
+}
+
 static void pgm_begin_frame(struct renderer *renderer, int frame)
 {
-    (void)renderer, (void)frame; // each frame stands by itself
+    struct pgm *pgm = (struct pgm *)renderer;
+    (void)frame; // each frame stands by itself
+    double hold_ms = pgm->desc.knobs[KNOB_HOLD];
+    if (!pgm->desc.realtime || !(hold_ms > 0)) return;
+    double now = now_ms();
+    if (pgm->begun_ms > 0)
+        pgm->settings.share = pgm_hold_share(pgm->settings.share, now - pgm->begun_ms, hold_ms);
+    pgm->begun_ms = now;
 }
 
 static double ground_under(const struct terrain *terrain, const double eye_m[3])

@@ -240,6 +240,13 @@ static double step_at_edge(const struct pgm_sampler *sampler, const struct view 
     return (1 - way) * fabs(span->y[1] - span->y[0]);
 }
 
+double pgm_hold_share(double share, double frame_ms, double hold_ms)
+{
+    double ratio = hold_ms / fmax(frame_ms, 1e-3);
+    if (fabs(ratio - 1) <= 0.05) return share;
+    return clamp(share * clamp(ratio, 0.7, 1.1), 1e-3, 1);
+}
+
 void pgm_rows_fit(const struct pgm_sampler *sampler, const struct view *view, const struct pgm_world *world,
                   const struct pgm_settings *settings, int most_rows, struct pgm_settings *used)
 {

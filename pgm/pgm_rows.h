@@ -28,6 +28,10 @@ void pgm_rows_fit(const struct pgm_sampler *sampler, const struct view *view, co
 void pgm_rows_lay(const struct pgm_sampler *sampler, const struct view *view, const struct pgm_world *world,
                   const struct pgm_settings *settings, struct pgm_row *rows);
 
+// The share of the grid that is to hold a frame time, from the share that took frame_ms: a step towards it,
+// none within 5 %.  Time need not be proportional to the share, nor free of a fixed part.
+double pgm_hold_share(double share, double frame_ms, double hold_ms);
+
 // Equations 6 and 7: level and parent's weight for a sampling distance in finest cells.  Zero and NaN give
 // level 0, weight 0.
 void pgm_level_for(double cells, enum pgm_lod lod, int levels, int *level, double *weight);

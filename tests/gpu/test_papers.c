@@ -30,7 +30,11 @@ static int teardown(void **state)
 static struct renderer *create(const struct papers *papers, const struct scene *scene,
                                const struct renderer_type *type, const char *knob, const char *value)
 {
-    struct renderer_desc desc = {papers->gpu, scene->terrain, &scene->effects, WIDTH, HEIGHT, {0}};
+    struct renderer_desc desc = {.gpu = papers->gpu,
+                                 .terrain = scene->terrain,
+                                 .effects = &scene->effects,
+                                 .width = WIDTH,
+                                 .height = HEIGHT};
     renderer_default_knobs(type, desc.knobs);
     if (knob) assert_true(renderer_parse_knob(type, knob, value, desc.knobs));
     struct renderer *renderer = type->create(&desc);

@@ -239,6 +239,29 @@ static void test_a_target_takes_the_rows_it_needs(void **state)
     assert_true(within && rows < MOST_ROWS / 4);
 }
 
+// Machines whose frame takes a fixed part and a part for the triangles, and noise of 3 %: the share settles
+// where the frame time is held within 5 % and the noise, or at an end.
+static void test_a_frame_time_is_held(void **state)
+{
+    (void)state;
+    uint64_t seed = 17;
+    for (int machine = 0; machine < test_size(200, 5000); machine++) {
+        double fixed = test_uniform(&seed, 0, 5), whole = pow(10, test_uniform(&seed, 0, 2)), share = 1,
+               ms = 0;
+        const double hold = 16;
+        for (int frame = 0; frame < 200; frame++) {
+            ms = fixed + whole * share;
+            share = pgm_hold_share(share, ms * test_uniform(&seed, 0.97, 1.03), hold);
+        }
+        ms = fixed + whole * share;
+        assert_true(share > 0 && share <= 1);
+        if (fixed + whole <= hold * 0.9)
+            assert_true(share == 1);
+        else
+            assert_true(fabs(ms / hold - 1) <= 0.15); // a step of at most 10 % from within 5 % of noise
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -248,6 +271,7 @@ int main(void)
         cmocka_unit_test(test_strips_keep_the_rows_of_the_window),
         cmocka_unit_test(test_focus_draws_the_grid_together),
         cmocka_unit_test(test_a_target_takes_the_rows_it_needs),
+        cmocka_unit_test(test_a_frame_time_is_held),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
