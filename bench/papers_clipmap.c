@@ -329,8 +329,8 @@ bool papers_clipmap_error(struct papers *papers, struct papers_table *table)
         "(the paper prints 3, which makes its figures 4 %% smaller). It is the size at the average depth 0.4 "
         "n g: within a ring the depth goes down to 0.177 n g, where errors are up to 2.25 times as large.",
         printed_spacing_px(), N, PRINTED_WIDTH);
-    papers_note(table, "D is the half-band filter here; the paper fits 11 x 11 weights to its data and adds "
-                       "the error of its coder.");
+    papers_note(table, "D is (-1 2 6 2 -1) / 8 along each axis here, the dual of linear interpolation; the "
+                       "paper fits 11 x 11 weights to its data and adds the error of its coder.");
     terrain_destroy(terrain);
     return good;
 }

@@ -171,19 +171,20 @@ static cJSON *parse(const char *file, const char *text, size_t size)
 
 static bool read_terrain_options(struct place at, const cJSON *json, struct terrain_options *options)
 {
-    const char *filter = "halfband", *noise = "hash";
+    const char *filter = "linear", *noise = "hash";
     double seed = 0;
     if (!read_int(at, json, "synthesize_levels", 0, 8, &options->synthesize_levels) ||
         !read_number(at, json, "seed", 0, 0x1p53, &seed) ||
-        !read_text_value(at, json, "filter", "halfband|tent|decimate", &filter) ||
+        !read_text_value(at, json, "filter", "linear|halfband|tent|decimate", &filter) ||
         !read_text_value(at, json, "noise", "hash|table", &noise))
         return false;
     if (seed != floor(seed))
         return fail("%s: \"seed\" of %s is not right; accepted is a whole number", at.file, at.object);
     options->seed = (uint64_t)seed;
-    options->filter = *filter == 't'   ? TERRAIN_FILTER_TENT
+    options->filter = *filter == 'h'   ? TERRAIN_FILTER_HALFBAND
+                      : *filter == 't' ? TERRAIN_FILTER_TENT
                       : *filter == 'd' ? TERRAIN_FILTER_DECIMATE
-                                       : TERRAIN_FILTER_HALFBAND;
+                                       : TERRAIN_FILTER_LINEAR;
     options->noise = *noise == 't' ? TERRAIN_NOISE_TABLE : TERRAIN_NOISE_HASH;
     return true;
 }

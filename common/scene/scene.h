@@ -4,7 +4,7 @@
 //   { "name": "puget",
 //     "terrain": "puget_1k_160m.png"            a file; sought beside the scene, in data/, in $RELIEF_DATA
 //              | { "file": "x.png" | "builtin": "jacksboro",
-//                  "synthesize_levels": 3, "seed": 1, "filter": "halfband|tent|decimate",
+//                  "synthesize_levels": 3, "seed": 1, "filter": "linear|halfband|tent|decimate",
 //                  "noise": "hash|table" },
 //     "path":  "auto"                           made to suit the terrain
 //            | { "auto": true, "frames": 96 }

@@ -27,7 +27,10 @@ enum terrain_wait { TERRAIN_WAIT, TERRAIN_TRY };
 
 // Linear filter D from a level to the next coarser one, a tensor product of
 enum terrain_filter {
-    TERRAIN_FILTER_HALFBAND, // (-1 0 9 16 9 0 -1)/32: the adjoint of U, and the default
+    TERRAIN_FILTER_LINEAR, // (-1 2 6 2 -1)/8: the dual of linear interpolation (Cohen, Daubechies, Feauveau
+                           // 1992, 5/3), nearly the least-squares fit by the surface that a level draws; the
+                           // default
+    TERRAIN_FILTER_HALFBAND, // (-1 0 9 16 9 0 -1)/32: the adjoint of U (Losasso & Hoppe 2004)
     TERRAIN_FILTER_TENT,     // (1 2 1)/4
     TERRAIN_FILTER_DECIMATE, // (1): every other sample
 };

@@ -100,6 +100,7 @@ static const struct taps {
     int32_t weight[7];
     int shift;
 } FILTERS[] = {
+    [TERRAIN_FILTER_LINEAR] = {{0, -1, 2, 6, 2, -1, 0}, 3},
     [TERRAIN_FILTER_HALFBAND] = {{-1, 0, 9, 16, 9, 0, -1}, 5},
     [TERRAIN_FILTER_TENT] = {{0, 0, 1, 2, 1, 0, 0}, 2},
     [TERRAIN_FILTER_DECIMATE] = {{0, 0, 0, 1, 0, 0, 0}, 0},

@@ -251,7 +251,7 @@ static void refuses_in_one_line(void **state)
          "synthesize_levels", "whole"},
         {"{\"name\": \"t\", \"terrain\": {\"builtin\": \"jacksboro\", \"seed\": -1}}", "seed", "0.."},
         {"{\"name\": \"t\", \"terrain\": {\"builtin\": \"jacksboro\", \"filter\": \"box\"}}", "filter",
-         "halfband|tent|decimate"},
+         "linear|halfband|tent|decimate"},
         {"{\"name\": \"t\", \"terrain\": \"no such.png\"}", "no such.png", "beside the scene"},
         {"{\"name\": \"t\", \"terrain\": \"/no such.png\"}", "/no such.png", "No such file"},
         {SCENE(", \"path\": \"fly\""), "fly", "\"auto\""},

@@ -113,7 +113,8 @@ static double ghosted(const int32_t *line, int64_t stride, int64_t size, int64_t
 static void d_is_the_formula(void **state)
 {
     (void)state;
-    static const double WEIGHTS[3][7] = {{-1 / 32., 0, 9 / 32., 16 / 32., 9 / 32., 0, -1 / 32.},
+    static const double WEIGHTS[4][7] = {{0, -1 / 8., 2 / 8., 6 / 8., 2 / 8., -1 / 8., 0},
+                                         {-1 / 32., 0, 9 / 32., 16 / 32., 9 / 32., 0, -1 / 32.},
                                          {0, 0, 1 / 4., 2 / 4., 1 / 4., 0, 0},
                                          {0, 0, 0, 1, 0, 0, 0}};
     uint64_t random = 2;
@@ -125,7 +126,9 @@ static void d_is_the_formula(void **state)
         int32_t fine[40 * 40], coarse[25 * 25];
         for (int64_t i = 0; i < size[0] * size[1]; i++)
             fine[i] = (int32_t)(test_random(&random) % 200001) - 100000;
-        enum terrain_filter filter = (enum terrain_filter)(n % 3);
+        enum terrain_filter filter = (enum terrain_filter)(n % 4);
+        double gain = 0; // sum of the weights' magnitudes
+        for (int k = 0; k < 7; k++) gain += fabs(WEIGHTS[filter][k]);
         assert_true(downsample(fine, first, size, filter, coarse));
         int64_t columns = downsample_size(first[0], size[0]), rows = downsample_size(first[1], size[1]);
         for (int64_t j = 0; j < rows; j++)
@@ -150,13 +153,13 @@ static void d_is_the_formula(void **state)
                     }
                 }
                 // Half a quantum from the last rounding; ghosts are rounded towards the border sample, each
-                // by less than 1 along x (weight up to 26/32 over both ends) and by less than 1/32 along y.
+                // by less than 1 along x and by less than 1 / 2^shift along y.
                 bool inside = 2 * (downsample_first(first[0]) + i) - first[0] >= 3 &&
                               2 * (downsample_first(first[0]) + i) - first[0] <= size[0] - 4;
                 inside &= 2 * (downsample_first(first[1]) + j) - first[1] >= 3 &&
                           2 * (downsample_first(first[1]) + j) - first[1] <= size[1] - 4;
                 double expected = sum, got = coarse[j * columns + i];
-                assert_true(fabs(got - expected) <= (inside ? 0.5 : 0.5 + 36. / 32 * 36. / 32 * 9));
+                assert_true(fabs(got - expected) <= (inside ? 0.5 : 0.5 + gain * gain * 9));
             }
     }
 }
@@ -179,6 +182,32 @@ static void d_is_the_adjoint_of_u(void **state)
         int32_t u = 6 + tap - 2 < 0 ? 0 : fine[(6 - 2) * 9 + 6 + tap - 2];
         assert_int_equal(2 * result[7], u);
     }
+}
+
+// A surface that a coarse grid draws, linear along the edges of its cells, gives that grid back.
+static void d_is_the_dual_of_linear_interpolation(void **state)
+{
+    (void)state;
+    enum { COARSE = 40, FINE = 2 * COARSE - 1 };
+    static int32_t coarse[COARSE * COARSE], fine[FINE * FINE], back[COARSE * COARSE];
+    static const enum terrain_filter filters[] = {TERRAIN_FILTER_LINEAR, TERRAIN_FILTER_HALFBAND};
+    uint64_t random = 5;
+    for (int k = 0; k < COARSE * COARSE; k++) coarse[k] = 4 * (int32_t)(test_random(&random) % 10000);
+    for (int j = 0; j < FINE; j++)
+        for (int i = 0; i < FINE; i++) {
+            const int32_t *c = coarse + j / 2 * COARSE + i / 2;
+            int right = i & 1, up = (j & 1) * COARSE;
+            fine[j * FINE + i] = (c[0] + c[right] + c[up] + c[right + up]) / 4;
+        }
+    int64_t first[2] = {0, 0}, size[2] = {FINE, FINE};
+    int changed[2] = {0};
+    for (int f = 0; f < 2; f++) {
+        assert_true(downsample(fine, first, size, filters[f], back));
+        for (int j = 1; j < COARSE - 1; j++) // beyond the border there are ghosts
+            for (int i = 1; i < COARSE - 1; i++) changed[f] += back[j * COARSE + i] != coarse[j * COARSE + i];
+    }
+    assert_int_equal(changed[0], 0);
+    assert_true(changed[1] > 0);
 }
 
 // ---- noise -----------------------------------------------------------------
@@ -315,6 +344,7 @@ int main(void)
         cmocka_unit_test(u_keeps_cubics),
         cmocka_unit_test(d_is_the_formula),
         cmocka_unit_test(d_is_the_adjoint_of_u),
+        cmocka_unit_test(d_is_the_dual_of_linear_interpolation),
         cmocka_unit_test(noise_is_normal),
         cmocka_unit_test(noise_is_the_same_by_any_road),
         cmocka_unit_test(published_noise_is_the_table),
