@@ -210,7 +210,7 @@ bool papers_clipmap_update(struct papers *papers, struct papers_table *table)
                     count, refill.level);
         papers_note(
             table,
-            "A whole refill is %.0f %% of a frame of this renderer at n = %d (%.1f ms, median of %d frames "
+            "A whole refill is %.1f %% of a frame of this renderer at n = %d (%.1f ms, median of %d frames "
             "over the same terrain). In flight only the samples that the motion exposes are read.",
             100 * total_ms / flight.frame_ms, N, flight.frame_ms, FRAMES);
         papers_note(table, "Synthesis draws each deviate from a hash of the absolute sample and level. The "
