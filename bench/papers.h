@@ -53,8 +53,8 @@ struct papers { // what every table may use
     struct scene *scene; // made by papers_detailed_scene
 };
 
-// The built-in terrain with four synthesised levels, a path over it and a horizontal view angle of 90
-// degrees. Made once; NULL after one line on stderr.
+// The built-in terrain with four synthesised levels, shaded by the renderer itself, a path and a horizontal
+// view angle of 90 degrees. Made once; NULL after one line on stderr.
 struct scene *papers_detailed_scene(struct papers *papers);
 // Wraps a terrain, which it then owns, likewise; NULL after one line on stderr.
 struct scene *papers_scene(const struct papers *papers, struct terrain *terrain);

@@ -35,6 +35,7 @@ struct scene *papers_detailed_scene(struct papers *papers)
     if (!papers->scene) {
         struct terrain_options options = {.synthesize_levels = DETAIL_LEVELS, .seed = PAPERS_SEED};
         papers->scene = papers_scene(papers, terrain_builtin(&options));
+        if (papers->scene) papers->scene->effects.shading = SCENE_SHADING_OWN;
     }
     return papers->scene;
 }
