@@ -490,6 +490,7 @@ static void add_scene(cJSON *root, const struct run *run)
     cJSON_AddNumberToObject(json, "fov_vertical_deg", scene->fov_vertical * 180 / 3.14159265358979323846);
     cJSON *effects = cJSON_AddObjectToObject(json, "effects");
     cJSON_AddStringToObject(effects, "shading", scene_shading_word(scene->effects.shading));
+    if (scene->effects.colour) cJSON_AddStringToObject(effects, "colour", scene->effects.colour->name);
     json = cJSON_AddObjectToObject(root, "path");
     path_hash(run, hex);
     cJSON_AddStringToObject(json, "name", scene->name);

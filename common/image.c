@@ -120,6 +120,61 @@ bool image_read_grey16(const char *path, const void *data, size_t size, int *wid
     return true;
 }
 
+// Whatever the file holds becomes 8-bit RGBA, 4 bytes a pixel.
+static void ask_for_rgba8(png_structp png)
+{
+    png_set_expand(png);
+    png_set_scale_16(png);
+    png_set_gray_to_rgb(png);
+    png_set_add_alpha(png, 0xff, PNG_FILLER_AFTER);
+}
+
+struct colours { // outlives a longjmp, so it lives in the caller's frame
+    int width, height;
+    uint8_t *pixels;
+};
+
+static bool decode_colours(png_structp png, png_infop info, FILE *file, struct colours *colours)
+{
+    if (setjmp(png_jmpbuf(png))) return false;
+    png_set_read_fn(png, file, read_file);
+    png_set_user_limits(png, 1 << 20, 1 << 20);
+    png_read_info(png, info);
+    ask_for_rgba8(png);
+    int passes = png_set_interlace_handling(png);
+    png_read_update_info(png, info);
+    colours->width = (int)png_get_image_width(png, info);
+    colours->height = (int)png_get_image_height(png, info);
+    size_t row = png_get_rowbytes(png, info);
+    colours->pixels = malloc(row * (size_t)colours->height);
+    if (!colours->pixels) png_error(png, "it does not fit in memory");
+    for (int pass = 0; pass < passes; pass++)
+        for (int y = 0; y < colours->height; y++) png_read_row(png, colours->pixels + row * (size_t)y, NULL);
+    png_read_end(png, NULL);
+    return true;
+}
+
+bool image_read_rgba8(const char *path, int *width, int *height, uint8_t **pixels)
+{
+    FILE *file = fopen(path, "rb");
+    if (!file) return fail("%s: %s; a PNG is expected", path, strerror(errno));
+    struct message message = {""};
+    struct colours colours = {0};
+    png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &message, on_error, on_warning);
+    png_infop info = png ? png_create_info_struct(png) : NULL;
+    bool good = info && decode_colours(png, info, file, &colours);
+    png_destroy_read_struct(&png, &info, NULL);
+    fclose(file);
+    if (!good) {
+        free(colours.pixels);
+        return fail("%s: not a whole PNG (%s)", path, *message.text ? message.text : "out of memory");
+    }
+    *width = colours.width;
+    *height = colours.height;
+    *pixels = colours.pixels;
+    return true;
+}
+
 // ---- writing ---------------------------------------------------------------
 
 struct picture {

@@ -17,6 +17,10 @@ bool image_write_png(const char *path, int width, int height, int channels, cons
 bool image_read_grey16(const char *path, const void *data, size_t size, int *width, int *height,
                        uint16_t **samples);
 
+// Reads any PNG as 8-bit RGBA, top row first; *pixels is to be freed by the caller.  False after one line on
+// stderr.
+bool image_read_rgba8(const char *path, int *width, int *height, uint8_t **pixels);
+
 // Writes a 16-bit grey PNG, top row first; whole or absent.
 bool image_write_grey16(const char *path, int width, int height, const uint16_t *samples);
 

@@ -42,6 +42,13 @@ struct gpu_capture {
     void *user;
 };
 
+// The scene's colour image, bound to its unit for good once a program was built that reads it.
+enum { GPU_COLOUR_UNIT = 15 }; // the last that every OpenGL 3.3 has
+struct gpu_colour {
+    GLuint texture;
+    char sha256[65]; // of the pixels that it holds
+};
+
 struct gpu {
     const struct context_type *type;
     struct gpu_info info;
@@ -49,7 +56,8 @@ struct gpu {
     bool debug_output; // KHR_debug reports errors; without it glGetError is asked now and then
     struct gpu_counters counters;
     struct gpu_capture capture;
-    GLuint frame_buffer;  // the uniform block
+    GLuint frame_buffer; // the uniform block
+    struct gpu_colour colour;
     GLuint program;       // last given to gpu_use_program
     const void **offsets; // scratch of gpu_multi_draw_elements
     int offsets_size;

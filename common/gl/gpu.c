@@ -151,6 +151,7 @@ void gpu_destroy(struct gpu *gpu)
 {
     if (!gpu) return;
     glDeleteBuffers(1, &gpu->frame_buffer);
+    if (gpu->colour.texture) glDeleteTextures(1, &gpu->colour.texture);
     glDeleteBuffers(1, &gpu->capture.buffer);
     if (gpu->capture.query) glDeleteQueries(1, &gpu->capture.query);
     free(gpu->offsets);

@@ -130,7 +130,8 @@ static bool add_own_normal(struct source *source, const char *vertex_file)
 
 static bool add_shading(struct source *source, const struct parts *parts)
 {
-    return add_file(source, "common/gl/height_colour.glsl") &&
+    return add_file(source, parts->effects->colour ? "common/gl/image_colour.glsl"
+                                                   : "common/gl/height_colour.glsl") &&
            (parts->own_shading ? add_own_normal(source, parts->vertex_file)
                                : add_file(source, "common/gl/face_normal.glsl"));
 }
@@ -164,10 +165,45 @@ static bool link_program(GLuint name, const GLuint *shaders, int count, const ch
     return true;
 }
 
+// Draped as far as the eye sees: filtered between mipmaps.
+static bool hold_colour(struct gpu *gpu, const struct scene_colour *image)
+{
+    struct gpu_colour *held = &gpu->colour;
+    int most = gpu->info.max_texture_size;
+    if (strcmp(held->sha256, image->sha256) == 0) return true;
+    if (image->width > most || image->height > most)
+        return fail("%s: %d x %d pixels; textures of this OpenGL driver have at most %d", image->name,
+                    image->width, image->height, most);
+    if (!held->texture) glGenTextures(1, &held->texture);
+    glActiveTexture(GL_TEXTURE0 + GPU_COLOUR_UNIT);
+    glBindTexture(GL_TEXTURE_2D, held->texture);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, image->width, image->height, 0, GL_RGBA, GL_UNSIGNED_BYTE,
+                 image->pixels);
+    glGenerateMipmap(GL_TEXTURE_2D);
+    glActiveTexture(GL_TEXTURE0);
+    memcpy(held->sha256, image->sha256, sizeof held->sha256);
+    return true;
+}
+
+static bool set_colour(struct gpu *gpu, const struct gpu_program *program,
+                       const struct scene_effects *effects)
+{
+    if (program->pass != PASS_SHADED || !effects->colour) return true;
+    if (!hold_colour(gpu, effects->colour)) return false;
+    glUseProgram(program->name);
+    glUniform1i(glGetUniformLocation(program->name, "colour_image"), GPU_COLOUR_UNIT);
+    gpu->program = program->name;
+    return true;
+}
+
 bool gpu_program_build(struct gpu *gpu, struct gpu_program *program, const char *vertex_file,
                        const char *defines, const struct scene_effects *effects, enum render_pass pass)
 {
-    (void)gpu;
     const struct parts parts = {vertex_file, defines ? defines : "", effects, pass,
                                 pass == PASS_SHADED && effects->shading == SCENE_SHADING_OWN};
     *program = (struct gpu_program){.pass = pass};
@@ -178,7 +214,8 @@ bool gpu_program_build(struct gpu *gpu, struct gpu_program *program, const char 
     if (pass == PASS_POSITION) good = good && (shaders[count++] = compile_side()) != 0;
     if (good) {
         program->name = glCreateProgram();
-        if (!link_program(program->name, shaders, count, vertex_file)) gpu_program_finish(program);
+        if (!link_program(program->name, shaders, count, vertex_file) || !set_colour(gpu, program, effects))
+            gpu_program_finish(program);
     }
     for (int i = 0; i < count; i++) glDeleteShader(shaders[i]);
     return program->name != 0;

@@ -8,6 +8,7 @@
 #include "common/scene/scene.h"
 
 #include "common/embedded.h"
+#include "common/image.h"
 #include "common/report.h"
 
 #include <cJSON.h>
@@ -395,15 +396,30 @@ static bool read_view(struct scene *scene, const char *file, const cJSON *json)
     return good;
 }
 
-static bool read_effects(struct scene *scene, const char *file, const cJSON *json)
+static bool load_colour(struct scene *scene, const char *file, const char *name)
+{
+    char path[1024];
+    if (!find_file(file, "colour", name, path)) return false;
+    struct scene_colour *colour = calloc(1, sizeof *colour);
+    if (!colour) return fail("%s: out of memory", file);
+    scene->effects.colour = colour;
+    snprintf(colour->name, sizeof colour->name, "%s", base_name(name));
+    if (!image_read_rgba8(path, &colour->width, &colour->height, &colour->pixels)) return false;
+    sha256_hex(colour->pixels, (size_t)colour->width * (size_t)colour->height * 4, colour->sha256);
+    return true;
+}
+
+// A colour image suits the scene's own terrain: it is left out when another is flown.
+static bool read_effects(struct scene *scene, const char *file, const cJSON *json, bool own_terrain)
 {
     struct place at = {file, "effects"};
-    const char *shading = "common";
-    if (json &&
-        (!check_object(at, json, "shading") || !read_text_value(at, json, "shading", "common|own", &shading)))
+    const char *shading = "common", *colour = NULL;
+    if (json && (!check_object(at, json, "shading|colour") ||
+                 !read_text_value(at, json, "shading", "common|own", &shading) ||
+                 !read_text_value(at, json, "colour", NULL, &colour)))
         return false;
     scene->effects.shading = *shading == 'o' ? SCENE_SHADING_OWN : SCENE_SHADING_COMMON;
-    return true;
+    return !colour || !own_terrain || load_colour(scene, file, colour);
 }
 
 static bool build(struct scene *scene, const char *file, const cJSON *json, const char *terrain_file)
@@ -412,7 +428,7 @@ static bool build(struct scene *scene, const char *file, const cJSON *json, cons
     if (!check_object(at, json, "name|terrain|path|view|effects") ||
         !read_name(scene, file, cJSON_GetObjectItemCaseSensitive(json, "name")) ||
         !read_view(scene, file, cJSON_GetObjectItemCaseSensitive(json, "view")) ||
-        !read_effects(scene, file, cJSON_GetObjectItemCaseSensitive(json, "effects")))
+        !read_effects(scene, file, cJSON_GetObjectItemCaseSensitive(json, "effects"), !terrain_file))
         return false;
     if (!terrain_file)
         return load_terrain(scene, file, cJSON_GetObjectItemCaseSensitive(json, "terrain")) &&
@@ -472,6 +488,8 @@ void scene_destroy(struct scene *scene)
     if (!scene) return;
     path_destroy(scene->path);
     terrain_destroy(scene->terrain);
+    if (scene->effects.colour) free(scene->effects.colour->pixels);
+    free(scene->effects.colour);
     free(scene);
 }
 

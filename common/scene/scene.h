@@ -13,9 +13,11 @@
 //                "clearance": m, "frames": 96 }
 //            | { "poses": "file.txt", "every": 5, "pitch": -12 }     rows of u v z yaw (see scene.c)
 //     "view":  { "width": 640, "height": 480, "fov_vertical": 60, "near": m (optional) },
-//     "effects": { "shading": "common" | "own"  the same for all renderers: a height ramp and the drawn
-//     triangles'
-//                                               normals; or the renderer's own normals } }
+//     "effects": { "shading": "common"          the same for all renderers: normals of the drawn triangles
+//                           | "own",            the renderer's own normals
+//                  "colour": "x.png" } }        a PNG draped over the map from edge to edge, north at its
+//                  top;
+//                                               sought as the terrain is; missing: colour by height
 //
 // "name" and "terrain" are required; a missing "path" is "auto", a missing "view" 640 x 480 at 60 degrees.
 // A key frame needs x, y and height; above_ground is false and angles are 0 when missing, clearance 2 m,
@@ -31,8 +33,16 @@
 
 enum scene_shading { SCENE_SHADING_COMMON, SCENE_SHADING_OWN };
 
+struct scene_colour { // an image draped over the map's outline
+    char name[256];   // of its file
+    char sha256[65];  // of its pixels
+    int width, height;
+    uint8_t *pixels; // RGBA, the north row first
+};
+
 struct scene_effects {
     enum scene_shading shading;
+    struct scene_colour *colour; // owned by the scene; NULL: colour by height
 };
 
 struct scene {

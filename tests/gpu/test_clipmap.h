@@ -10,7 +10,7 @@
 
 enum { WIDTH = 640, HEIGHT = 480, PIXELS = WIDTH * HEIGHT };
 
-static const struct scene_effects effects = {SCENE_SHADING_COMMON};
+static const struct scene_effects effects = {.shading = SCENE_SHADING_COMMON};
 
 struct fixture {
     struct gpu *gpu;

@@ -9,7 +9,8 @@
 
 enum { WIDTH = 320, HEIGHT = 240, PIXELS = WIDTH * HEIGHT };
 
-static const struct scene_effects common = {SCENE_SHADING_COMMON}, own = {SCENE_SHADING_OWN};
+static const struct scene_effects common = {.shading = SCENE_SHADING_COMMON},
+                                  own = {.shading = SCENE_SHADING_OWN};
 
 // The light of terrain.frag: a colour changes by at most this many of 255 when n.s changes by one.
 static const double LIGHT = 1.05 * 255;
@@ -407,6 +408,63 @@ static void blended_over_the_border_of_levels(void **state)
     terrain_destroy(terrain);
 }
 
+// ---- the colour image ------------------------------------------------------
+
+static double image_at(const struct scene_colour *image, double u, double v, int channel) // v from the north
+{
+    double x = fmin(fmax(u * image->width - 0.5, 0), image->width - 1);
+    double y = fmin(fmax(v * image->height - 0.5, 0), image->height - 1);
+    int i = (int)fmin(x, image->width - 2), j = (int)fmin(y, image->height - 2);
+    const uint8_t *p = image->pixels + 4 * (j * image->width + i) + channel;
+    double north = p[0] + (p[4] - p[0]) * (x - i);
+    double south = p[4 * image->width] + (p[4 * image->width + 4] - p[4 * image->width]) * (x - i);
+    return north + (south - north) * (y - j);
+}
+
+// Flat ground from above, each pixel smaller than the image's: the image, bilinear, in the light of flat
+// ground.  The bound: half a step of the picture; weights of 8 bits, 2^-8 of 255 along each axis, 2; results
+// of 8 bits after each of three blends, 1.5.
+static void the_colour_image_lies_on_the_map(void **state)
+{
+    struct fixture *f = *state;
+    enum { W = 6, H = 5 };
+    uint8_t pixels[W * H * 4];
+    uint64_t seed = 21;
+    for (int i = 0; i < W * H * 4; i++) pixels[i] = (uint8_t)test_random(&seed);
+    struct scene_colour image = {.name = "test", .sha256 = "test", .width = W, .height = H, .pixels = pixels};
+    const struct test_map flat = {.width = 101,
+                                  .height = 81,
+                                  .first = {-20, 30},
+                                  .spacing_m = {30, 25},
+                                  .quantum_m = 0.1,
+                                  .flat_q = 400};
+    struct terrain *terrain = test_terrain(&flat);
+    const double *o = terrain_info(terrain)->outline_m;
+    static const double light[3] = {0.30 + 1.05 * 0.57, 0.35 + 0.99 * 0.57, 0.44 + 0.88 * 0.57};
+    for (int shading = 0; shading < 2; shading++) {
+        const struct scene_effects effects = {shading ? SCENE_SHADING_OWN : SCENE_SHADING_COMMON, &image};
+        struct renderer *renderer = create(f, terrain, &effects, "n=127");
+        struct view view = view_from(terrain, (o[0] + o[2]) / 2, (o[1] + o[3]) / 2, 2100, 1.2, -1.5707963, 1);
+        draw_shaded(f, renderer, terrain, &view, f->colours);
+        draw_places(f, renderer);
+        double worst = 0;
+        int checked = 0;
+        for (int i = 0; i < PIXELS; i++) {
+            if (f->places[i][3] == 0) continue;
+            double u = (view.eye_m[0] + (double)f->places[i][0] - o[0]) / (o[2] - o[0]);
+            double v = (o[3] - view.eye_m[1] - (double)f->places[i][1]) / (o[3] - o[1]);
+            for (int c = 0; c < 3; c++)
+                worst = fmax(worst, fabs(f->colours[i][c] - light[c] * image_at(&image, u, v, c)));
+            checked++;
+        }
+        FIGURE("colour image, shading %s: at most %.2f of 255 off (bound 4), %d pixels",
+               shading ? "own" : "common", worst, checked);
+        assert_true(checked > PIXELS / 2 && worst <= 4);
+        clipmap_renderer.destroy(renderer);
+    }
+    terrain_destroy(terrain);
+}
+
 // ---- what it costs ---------------------------------------------------------
 
 // The geometry is the same bit for bit, and without own shading there are no normal maps.
@@ -448,6 +506,7 @@ int main(void)
         cmocka_unit_test(walks_are_shaded_as_a_fresh_renderer_shades),
         cmocka_unit_test(the_seam_leaves_no_trace),
         cmocka_unit_test(blended_over_the_border_of_levels),
+        cmocka_unit_test(the_colour_image_lies_on_the_map),
         cmocka_unit_test(only_the_shaded_pass_changes),
     };
     return cmocka_run_group_tests(tests, setup, teardown);

@@ -73,7 +73,7 @@ static bool draw_hash(struct gpu *gpu, size_t count, enum render_pass pass, uint
 {
     static float pixels[WIDTH * HEIGHT * 4];
     const GLenum format = pass == PASS_SHADED ? GL_RGBA8 : pass == PASS_POSITION ? GL_RGBA32F : 0;
-    const struct scene_effects effects = {SCENE_SHADING_COMMON};
+    const struct scene_effects effects = {.shading = SCENE_SHADING_COMMON};
     struct gpu_program program;
     struct gpu_target target;
     if (!gpu_program_build(gpu, &program, "common/gl/plain.vert", NULL, &effects, pass)) return false;

@@ -9,7 +9,7 @@
 
 enum { WIDTH = 320, HEIGHT = 240, PIXELS = WIDTH * HEIGHT };
 
-static const struct scene_effects effects = {SCENE_SHADING_COMMON};
+static const struct scene_effects effects = {.shading = SCENE_SHADING_COMMON};
 
 struct fixture {
     struct gpu *gpu;

@@ -21,7 +21,7 @@ struct fixture {
 static int setup(void **state)
 {
     static const GLenum formats[PASS_COUNT] = {GL_RGBA8, GL_RGBA32F, 0};
-    static const struct scene_effects effects = {SCENE_SHADING_COMMON};
+    static const struct scene_effects effects = {.shading = SCENE_SHADING_COMMON};
     struct fixture *f = calloc(1, sizeof *f);
     *state = f;
     f->gpu = gpu_create(GPU_OFFSCREEN, 0, 0, "test", 0);

@@ -11,7 +11,7 @@
 #include <string.h>
 
 static const double degree = 0.017453292519943295;
-static const struct scene_effects common_effects = {SCENE_SHADING_COMMON};
+static const struct scene_effects common_effects = {.shading = SCENE_SHADING_COMMON};
 
 typedef int32_t height_fn(int i, int j); // quanta; i east, j north, from the map's south-west corner
 

@@ -81,10 +81,46 @@ static void failures_leave_nothing(void **state)
     assert_false(image_read_grey16(in_folder("folder.png"), NULL, 0, &width, &height, &back));
 }
 
+static void any_picture_is_read_as_rgba(void **state)
+{
+    (void)state;
+    enum { W = 13, H = 7 };
+    uint64_t random = 4;
+    uint8_t pixels[W * H * 4], *back;
+    uint16_t grey[W * H];
+    int width, height;
+    for (int i = 0; i < W * H * 4; i++) pixels[i] = (uint8_t)test_random(&random);
+    for (int channels = 3; channels <= 4; channels++) {
+        assert_true(image_write_png(in_folder("any.png"), W, H, channels, pixels));
+        assert_true(image_read_rgba8(in_folder("any.png"), &width, &height, &back));
+        assert_true(width == W && height == H);
+        for (int i = 0; i < W * H; i++) { // written from the bottom row, read from the top one
+            const uint8_t *written = pixels + ((H - 1 - i / W) * W + i % W) * channels;
+            assert_memory_equal(back + 4 * i, written, 3);
+            assert_int_equal(back[4 * i + 3], channels == 4 ? written[3] : 255);
+        }
+        free(back);
+    }
+    for (int i = 0; i < W * H; i++) grey[i] = (uint16_t)test_random(&random);
+    assert_true(image_write_grey16(in_folder("any.png"), W, H, grey));
+    assert_true(image_read_rgba8(in_folder("any.png"), &width, &height, &back));
+    for (int i = 0; i < W * H; i++) {
+        assert_true(fabs(back[4 * i] - grey[i] / 257.0) <= 0.5 + 1e-6);
+        assert_true(back[4 * i] == back[4 * i + 1] && back[4 * i] == back[4 * i + 2] &&
+                    back[4 * i + 3] == 255);
+    }
+    free(back);
+    assert_int_equal(truncate(in_folder("any.png"), 60), 0);
+    assert_false(image_read_rgba8(in_folder("any.png"), &width, &height, &back));
+    assert_int_equal(unlink(in_folder("any.png")), 0);
+    assert_false(image_read_rgba8(in_folder("any.png"), &width, &height, &back));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(grey16_round_trips),
+        cmocka_unit_test(any_picture_is_read_as_rgba),
         cmocka_unit_test(pictures_stand_upright),
         cmocka_unit_test(failures_leave_nothing),
     };

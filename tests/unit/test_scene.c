@@ -282,7 +282,10 @@ static void refuses_in_one_line(void **state)
         {SCENE(", \"view\": {\"fov_vertical\": 180}"), "fov_vertical", "1..170"},
         {SCENE(", \"view\": {\"near\": 0}"), "near", "number"},
         {SCENE(", \"effects\": {\"fog\": true}"), "fog", "shading"},
-        {SCENE(", \"effects\": {\"shading\": \"toon\"}"), "shading", "common"},
+        {SCENE(", \"effects\": {\"shading\": \"toon\"}"), "shading", "common|own"},
+        {SCENE(", \"effects\": {\"colour\": true}"), "colour", "text"},
+        {SCENE(", \"effects\": {\"colour\": \"none.png\"}"), "none.png", "beside the scene"},
+        {SCENE(", \"effects\": {\"colour\": \"bad.txt\"}"), "bad.txt", "PNG"},
     };
     size_t count = sizeof cases / sizeof cases[0];
     for (size_t i = 0; i < count; i++) {
