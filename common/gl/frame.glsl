@@ -18,3 +18,6 @@ vec2 relative_place(vec2 cell, vec2 fraction, vec2 spacing)
 {
     return (cell - fraction) * spacing;
 }
+
+// Which side of a triangle the eye is on (side.geom to terrain.frag).
+const int FRONT = 0, BACK = 1, NEAR_FRONT = 2, NEAR_BACK = 3;

@@ -14,29 +14,61 @@ void main()
     colour = vec4(ground * light, 1.0);
 }
 #elif defined(PASS_POSITION)
-noperspective in vec3 v_weight; // side.geom
-flat in vec4 v_corners[3];
-flat in vec4 v_side;
+flat in vec4 v_corners[3]; // side.geom
+flat in vec2 v_screen[3];
+flat in vec3 v_altitude;
+flat in int v_side;
 layout(location = 0) out vec4 position_and_side;
 
 // sqrt(2) steps of the sub-pixel grid: a corner moves by half a step along each axis, and the distance to an edge is
 // interpolated between corners that moved as far.
 const float SNAP_PX = 1.4142136 / 256.0;
 
-vec3 nearest_point_of_triangle()
+float cross_2d(vec2 a, vec2 b)
 {
-    vec3 weight = max(v_weight, 0.0) / vec3(v_corners[0].w, v_corners[1].w, v_corners[2].w);
-    vec3 sum = weight.x * v_corners[0].xyz + weight.y * v_corners[1].xyz + weight.z * v_corners[2].xyz;
-    return sum / (weight.x + weight.y + weight.z);
+    return a.x * b.y - a.y * b.x;
+}
+
+// Barycentric coordinates of the pixel's centre in the picture; not finite in a triangle of no area.
+vec3 weights()
+{
+    vec2 a = v_screen[0] - gl_FragCoord.xy, b = v_screen[1] - gl_FragCoord.xy, c = v_screen[2] - gl_FragCoord.xy;
+    return vec3(cross_2d(b, c), cross_2d(c, a), cross_2d(a, b)) / cross_2d(v_screen[1] - v_screen[0], v_screen[2] - v_screen[0]);
+}
+
+// Of the triangle's outline in the picture, the point nearest to the pixel's centre; in space.
+vec3 nearest_point_of_outline()
+{
+    float least = 1e30;
+    vec4 nearest = v_corners[0];
+    for (int i = 0; i < 3; i++) {
+        int j = (i + 1) % 3;
+        vec2 edge = v_screen[j] - v_screen[i], from = gl_FragCoord.xy - v_screen[i];
+        float t = clamp(dot(from, edge) / max(dot(edge, edge), 1e-30), 0.0, 1.0);
+        vec2 apart = from - t * edge;
+        if (dot(apart, apart) >= least) continue;
+        least = dot(apart, apart);
+        float weight_i = (1.0 - t) * v_corners[j].w, weight_j = t * v_corners[i].w; // the nearer corner weighs more
+        nearest.xyz = (weight_i * v_corners[i].xyz + weight_j * v_corners[j].xyz) / (weight_i + weight_j);
+    }
+    return nearest.xyz;
 }
 
 void main()
 {
     if (outside_map()) discard;
-    vec3 inside_px = v_weight * v_side.xyz;
-    bool below = v_side.w < 0.0 && min(inside_px.x, min(inside_px.y, inside_px.z)) > SNAP_PX;
-    bool outside = v_side.w != 0.0 && min(v_weight.x, min(v_weight.y, v_weight.z)) < 0.0 && v_side.x < 1e8;
-    position_and_side = vec4(outside ? nearest_point_of_triangle() : v_relative, below ? -1.0 : 1.0);
+    vec3 weight = weights(), inside_px = weight * v_altitude;
+    float least_px = min(inside_px.x, min(inside_px.y, inside_px.z));
+    bool below = v_side == NEAR_BACK || (v_side == BACK && least_px > SNAP_PX);
+    // Snapping never leads a whole pixel out; triangles so large or thin that rounding does are left as they are, and so
+    // are points at a horizon whose nearest one lies beyond the map.
+    bool outside = (v_side == FRONT || v_side == BACK) && least_px < 0.0 && least_px > -1.0;
+    vec3 drawn = v_relative;
+    if (outside) {
+        vec3 nearest = nearest_point_of_outline();
+        if (!outside_map(nearest)) drawn = nearest;
+    }
+    position_and_side = vec4(drawn, below ? -1.0 : 1.0);
 }
 #else
 void main()
