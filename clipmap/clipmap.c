@@ -46,8 +46,9 @@ static const struct renderer_knob knobs[] = {
     {"refill", "samples read each frame: those that the motion exposes, or every level whole (to compare)", 0,
      0, 1, "exposed|whole"},
     {"budget",
-     "samples read a frame, coarse levels first; levels that it does not reach are cropped (0: no limit)", 0,
-     0, 1e9, NULL},
+     "samples read a frame but the first, coarse levels first; what it does not reach is cropped (0: no "
+     "limit)",
+     0, 0, 1e9, NULL},
     {"throttle", "share of a level's samples that is drawn: less is faster and coarser", 1, 0.01, 1, NULL},
     {"ahead", "lines that a refill reads ahead of the motion: fewer refills, more memory", 0, 0, 64, NULL},
     {"regions", "squares about the viewer, or fitted to what a frustum narrower than 90 degrees sees", 0, 0,
@@ -209,7 +210,7 @@ static void refill_level(struct clipmap *c, struct clipmap_view *own, int k,
                          const struct clipmap_box *desired, const int heading[2])
 {
     struct clipmap_store *store = &own->stores[k];
-    bool limited = k + 1 < c->shape.levels && c->budget < UINT64_MAX;
+    bool limited = k + 1 < c->shape.levels && own->samples_left < UINT64_MAX;
     if (c->rebuild) store->clip = clipmap_empty;
     struct clipmap_box target =
         clipmap_target(&c->shape, k, &store->clip, &own->stores[k + 1].clip, desired, heading);
@@ -254,16 +255,18 @@ static void update_view(struct clipmap *c, struct clipmap_view *own, const struc
                     own->selection.corners, GL_STREAM_DRAW);
 }
 
-// A frame's budget is spent once, however often its number comes, and a smaller number begins a new flight
-// with empty levels: what a budget draws depends on the views of this flight alone.
+// A frame's budget is spent once, however often its number comes.  The first frame of a flight, which a
+// smaller number than the last begins, reads everything anew: what a budget draws depends on the views of
+// this flight alone.
 static void begin_frame(struct renderer *renderer, int frame)
 {
     struct clipmap *c = (struct clipmap *)renderer;
+    bool first = c->frame < 0 || frame < c->frame;
     c->view_count = 0;
     for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {
         struct clipmap_view *view = &c->views[i];
-        if (frame != c->frame) view->samples_left = c->budget;
-        for (int k = 0; frame < c->frame && c->budget < UINT64_MAX && k < c->shape.levels - 1; k++)
+        if (frame != c->frame) view->samples_left = first ? UINT64_MAX : c->budget;
+        for (int k = 0; first && c->budget < UINT64_MAX && k < c->shape.levels; k++)
             view->stores[k].clip = clipmap_empty;
     }
     c->frame = frame;
