@@ -32,7 +32,7 @@ enum { N_MIN = 15, N_MAX = 1023 };
 
 static const struct renderer_knob knobs[] = {
     {"n", "samples on a side of a level, odd: more is finer and slower", 255, N_MIN, N_MAX, NULL},
-    {"transition", "width of the morph to the coarser level, as a share of n", 0.1, 0, 0.5, NULL},
+    {"transition", "width of the morph to the coarser level, as a share of n", 0.05, 0, 0.5, NULL},
     {"alpha", "morph parameter: as published, or right for cropped regions too", CLIPMAP_ALPHA_STABLE, 0, 1,
      "published|stable"},
     {"stitch",
