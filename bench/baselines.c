@@ -386,8 +386,8 @@ static const struct renderer_knob decimated_knobs[] = {
     {0},
 };
 
-static const double decimated_quick[] = {8, 6, 4, 2, NAN};
-static const double decimated_full[] = {8, 6, 4, 3, 2, NAN};
+static const double decimated_quick[] = {12, 8, 4, 2, NAN};
+static const double decimated_full[] = {32, 16, 12, 8, 6, 4, 3, 2, NAN};
 
 const struct renderer_type brute_renderer = {
     .name = "brute",
