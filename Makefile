@@ -30,7 +30,7 @@ LIBS     := $(shell pkg-config --libs $(LIBRARIES) $(GDAL) 2>/dev/null) -ldl -lm
 
 # ---- files ----------------------------------------------------------------------------------------------------
 RENDERERS := clipmap geomipmap pgm
-EMBEDDED  := $(wildcard common/gl/*.glsl common/gl/*.vert common/gl/*.geom common/gl/*.frag $(RENDERERS:%=%/*.vert) $(RENDERERS:%=%/*.frag) bench/*.vert \
+EMBEDDED  := $(wildcard common/gl/*.glsl common/gl/*.vert common/gl/*.geom common/gl/*.frag $(RENDERERS:%=%/*.vert) $(RENDERERS:%=%/*.frag) $(RENDERERS:%=%/*.glsl) bench/*.vert \
              common/terrain/jacksboro* bench/scenes/default.json)
 MAINS     := $(wildcard common/terrain/main.c bench/main.c $(RENDERERS:%=%/main.c))
 sources    = $(filter-out $(MAINS),$(wildcard $(1)))

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "pgm/pgm.h"
 
+#include "common/embedded.h"
 #include "common/report.h"
 #include "common/view/frustum.h"
 #include "pgm/pgm_atlas.h"
@@ -14,7 +15,12 @@
 #include <string.h>
 #include <time.h>
 
-enum { SAMPLING_BINDING = 1, ROWS_BINDING = 2, HEIGHTS_UNIT = 0 };
+enum {
+    SAMPLING_BINDING = 1,
+    ROWS_BINDING = 2,
+    HEIGHTS_UNIT = 0,
+    SHADING_UNIT = 15
+}; // shading: not with many textures
 
 enum knob {
     KNOB_ROWS,
@@ -41,6 +47,8 @@ enum knob {
     KNOB_MEMORY,
     KNOB_BUDGET,
     KNOB_MAPPING,
+    KNOB_COORDINATES,
+    KNOB_FRAGMENT,
     KNOB_CULL,
     KNOB_FACES,
 };
@@ -89,6 +97,11 @@ static const struct renderer_knob knobs[] = {
     {"budget", "KiB of heights uploaded a frame at most, once flying", 1024, 64, 1048576, NULL},
     {"mapping", "grid to ground: Equation 1 as printed in world coordinates, or relative to the eye", 1, 0, 1,
      "published|stable"},
+    {"coordinates",
+     "own shading: texels of a fragment interpolated between vertices (wrong where they read different "
+     "levels), or found by itself",
+     1, 0, 1, "automatic|explicit"},
+    {"fragment", "own shading: fetches a fragment, of its level or of its parent too", 1, 0, 1, "one|two"},
     {"cull", "leave out tiles of the grid outside the view: few, as the rows fit the view already", 0, 0, 1,
      "off|on"},
     {"faces",
@@ -191,6 +204,7 @@ static struct pgm_storage read_storage(const struct pgm *pgm)
 {
     const double *k = pgm->desc.knobs;
     return (struct pgm_storage){.fetch = (enum pgm_fetch)k[KNOB_FETCH],
+                                .shaded = pgm->desc.effects->shading == SCENE_SHADING_OWN,
                                 .many = k[KNOB_TEXTURES] > 0,
                                 .memory_bytes = (size_t)(k[KNOB_MEMORY] * 1048576),
                                 .budget_bytes = (size_t)(k[KNOB_BUDGET] * 1024),
@@ -249,17 +263,22 @@ static void write_branches(const struct pgm *pgm, char *out, size_t size)
     if (used < size) snprintf(out + used, size - used, "\n");
 }
 
+// Choices, and the levels' tiles, which vertices and fragments share.
 static void write_defines(const struct pgm *pgm, char *out, size_t size)
 {
     static const char *const filters[] = {"FILTER_NEAREST", "FILTER_BILINEAR", "FILTER_TRIANGLE"};
     static const char *const fetches[] = {"FETCH_PLAIN", "FETCH_PACKED", "FETCH_MIPMAP"};
     const double *knob = pgm->desc.knobs;
+    const struct embedded_file *levels = embedded_find("pgm/pgm_levels.glsl");
     size_t used = (size_t)snprintf(
-        out, size, "#define LEVELS_MAX %d\n#define ROWS_MAX %d\n#define %s\n#define %s\n%s%s%s%s",
+        out, size, "#define LEVELS_MAX %d\n#define ROWS_MAX %d\n#define %s\n#define %s\n%s%s%s%s%s%s%.*s\n",
         PGM_LEVELS_MAX, PGM_ROWS_MAX, filters[(int)knob[KNOB_FILTER]], fetches[(int)knob[KNOB_FETCH]],
         pgm->atlas.narrow ? "" : "#define WIDE\n", pgm_atlas_is_whole(&pgm->atlas) ? "" : "#define TILED\n",
         pgm->settings.lod == PGM_LOD_PUBLISHED ? "#define WEIGHT_PUBLISHED\n" : "",
-        knob[KNOB_MAPPING] > 0 ? "" : "#define MAPPING_PUBLISHED\n");
+        knob[KNOB_MAPPING] > 0 ? "" : "#define MAPPING_PUBLISHED\n",
+        knob[KNOB_COORDINATES] > 0 ? "" : "#define COORDINATES_AUTOMATIC\n",
+        knob[KNOB_FRAGMENT] > 0 ? "" : "#define ONE_FETCH\n", (int)(levels->end - levels->data),
+        (const char *)levels->data);
     if (pgm->atlas.storage.many && used < size) write_branches(pgm, out + used, size - used);
 }
 
@@ -271,11 +290,12 @@ static void bind_names(struct pgm *pgm, GLuint program)
     for (int i = 0; i < PGM_TEXTURES_MAX; i++) units[i] = HEIGHTS_UNIT + i;
     int count = pgm->atlas.storage.many ? pgm->atlas.levels : 1;
     glUniform1iv(glGetUniformLocation(program, "heights"), count, units);
+    glUniform1i(glGetUniformLocation(program, "shading"), SHADING_UNIT);
 }
 
 static bool build_programs(struct pgm *pgm)
 {
-    char defines[4096];
+    char defines[8192];
     write_defines(pgm, defines, sizeof defines);
     for (int pass = 0; pass < PASS_COUNT; pass++) {
         struct gpu_program *program = &pgm->programs[pass];
@@ -603,6 +623,10 @@ static void pgm_draw(struct renderer *renderer, int view_index, enum render_pass
     for (int i = 0; i < (pgm->atlas.storage.many ? pgm->atlas.levels : 1); i++) {
         glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT + (GLenum)i);
         glBindTexture(GL_TEXTURE_2D, pgm->atlas.textures[i]);
+    }
+    if (pgm->atlas.shading) {
+        glActiveTexture(GL_TEXTURE0 + SHADING_UNIT);
+        glBindTexture(GL_TEXTURE_2D, pgm->atlas.shading);
     }
     glBindVertexArray(pgm->vertex_array);
     if (pgm->front_only && pass != PASS_POSITION)

@@ -7,7 +7,8 @@
 //   pgm_mesh      vertices and indices of the grid; plain C
 //   pgm_windows   which samples of each level are in texture memory; plain C
 //   pgm_atlas     the heights of all levels in one texture, or in one each
-//   pgm.vert      row table to place, place to height
+//   pgm.vert      row table to place, place to height; pgm_levels.glsl: where the samples are
+//   pgm.frag      shading of its own: a word of each sample, fetched by each fragment
 //   pgm.c         the renderer: a row table a frame, one draw
 //
 // The defaults are those that err least for their triangles.  At 180 000 triangles on the default flight they

@@ -3,6 +3,7 @@
 
 #include "common/report.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -18,7 +19,9 @@ static int64_t larger(int64_t a, int64_t b)
     return a > b ? a : b;
 }
 
-static size_t texel_bytes(const struct pgm_atlas *atlas)
+enum { SHADING_BYTES = 16 };
+
+static size_t height_bytes(const struct pgm_atlas *atlas)
 {
     switch (atlas->storage.fetch) {
     case PGM_FETCH_PACKED:
@@ -28,6 +31,12 @@ static size_t texel_bytes(const struct pgm_atlas *atlas)
     default:
         return atlas->narrow ? 2 : 4;
     }
+}
+
+// Of a sample: height and shading.
+static size_t texel_bytes(const struct pgm_atlas *atlas)
+{
+    return height_bytes(atlas) + (atlas->storage.shaded ? SHADING_BYTES : 0);
 }
 
 // ---- layout ----------------------------------------------------------------
@@ -125,6 +134,8 @@ bool pgm_atlas_layout(struct pgm_atlas *atlas, const struct terrain *terrain,
     if (storage->many && atlas->levels > PGM_TEXTURES_MAX)
         return fail("pgm: textures=many takes at most %d levels, but terrain %s has %d", PGM_TEXTURES_MAX,
                     name, atlas->levels);
+    if (storage->shaded && (storage->many || storage->fetch == PGM_FETCH_MIPMAP))
+        return fail("pgm: shading of its own takes fetch=plain or fetch=packed and textures=atlas");
     const struct terrain_extent *finest = &atlas->slots[0].window.extent;
     int64_t too_large = larger(finest->x1 - finest->x0, finest->y1 - finest->y0);
     if (fits(atlas, too_large)) return true;
@@ -216,6 +227,34 @@ void pgm_atlas_texels(const struct pgm_atlas *atlas, const struct terrain *terra
         memcpy(atlas->texels, atlas->heights, count * sizeof(int32_t));
 }
 
+static uint32_t normal_word(const int32_t *at, size_t stride, const double slope_m[2])
+{
+    double x = slope_m[0] * ((double)at[-1] - at[1]);
+    double y = slope_m[1] * ((double)at[-(ptrdiff_t)stride] - at[stride]);
+    double scale = 32767 / sqrt(x * x + y * y + 1);
+    return (uint32_t)(uint16_t)lrint(x * scale) | (uint32_t)(uint16_t)lrint(y * scale) << 16;
+}
+
+void pgm_atlas_shading(const struct pgm_atlas *atlas, const struct terrain *terrain, int k,
+                       const struct terrain_extent *box)
+{
+    const struct terrain_info *info = terrain_info(terrain);
+    int width = (int)(box->x1 - box->x0), height = (int)(box->y1 - box->y0), level = atlas->finest + k;
+    size_t stride = (size_t)width + 3;
+    double slope_m[2]; // of a difference over two cells, a quantum
+    for (int axis = 0; axis < 2; axis++)
+        slope_m[axis] = info->quantum_m / ldexp(info->spacing_m[axis], level + 1);
+    terrain_window(terrain, level, box->x0 - 1, box->y0 - 1, width + 3, height + 3, atlas->heights,
+                   TERRAIN_WAIT);
+    uint32_t *out = atlas->texels;
+    for (int j = 0; j < height; j++)
+        for (int i = 0; i < width; i++)
+            for (int corner = 0; corner < 4; corner++) {
+                size_t row = (size_t)(j + 1 + corner / 2), column = (size_t)(i + 1 + corner % 2);
+                *out++ = normal_word(atlas->heights + row * stride + column, stride, slope_m);
+            }
+}
+
 // ---- textures --------------------------------------------------------------
 
 struct texel_format {
@@ -252,13 +291,19 @@ static bool upload_box(void *user, const struct terrain_extent *samples, int x, 
     struct texel_format format = format_of(atlas);
     int width = (int)(samples->x1 - samples->x0), wide = texels_a_sample(atlas);
     int64_t rows = larger(1, PIECE / width);
-    glBindTexture(GL_TEXTURE_2D, atlas->textures[atlas->storage.many ? upload->k : 0]);
     for (int64_t from = samples->y0; from < samples->y1; from += rows) {
         struct terrain_extent piece = {samples->x0, from, samples->x1, smaller(from + rows, samples->y1)};
+        glBindTexture(GL_TEXTURE_2D, atlas->textures[atlas->storage.many ? upload->k : 0]);
         pgm_atlas_texels(atlas, upload->terrain, upload->k, &piece);
         gpu_texture_sub_image(upload->gpu, GL_TEXTURE_2D, -1, (slot->x + x) * wide,
                               slot->y + y + (int)(from - samples->y0), width * wide,
                               (int)(piece.y1 - piece.y0), format.format, format.type, atlas->texels);
+        if (!atlas->shading) continue;
+        glBindTexture(GL_TEXTURE_2D, atlas->shading);
+        pgm_atlas_shading(atlas, upload->terrain, upload->k, &piece);
+        gpu_texture_sub_image(upload->gpu, GL_TEXTURE_2D, -1, slot->x + x,
+                              slot->y + y + (int)(from - samples->y0), width, (int)(piece.y1 - piece.y0),
+                              GL_RGBA_INTEGER, GL_UNSIGNED_INT, atlas->texels);
     }
     return true;
 }
@@ -281,6 +326,22 @@ void pgm_atlas_follow(struct pgm_atlas *atlas, struct gpu *gpu, const struct ter
     }
 }
 
+static void take_texels_as_they_are(void)
+{
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, 0);
+}
+
+static void allocate_shading(struct pgm_atlas *atlas)
+{
+    glGenTextures(1, &atlas->shading);
+    glBindTexture(GL_TEXTURE_2D, atlas->shading);
+    glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA32UI, atlas->width, atlas->height, 0, GL_RGBA_INTEGER,
+                 GL_UNSIGNED_INT, NULL);
+    take_texels_as_they_are();
+}
+
 static void allocate(struct pgm_atlas *atlas)
 {
     struct texel_format format = format_of(atlas);
@@ -293,10 +354,9 @@ static void allocate(struct pgm_atlas *atlas)
         glBindTexture(GL_TEXTURE_2D, atlas->textures[i]);
         glTexImage2D(GL_TEXTURE_2D, 0, (GLint)format.internal, width * texels_a_sample(atlas), height, 0,
                      format.format, format.type, NULL);
-        glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
-        glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
-        glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, 0);
+        take_texels_as_they_are();
     }
+    if (atlas->storage.shaded) allocate_shading(atlas);
 }
 
 // The levels that the hardware makes of the finest one.
@@ -315,7 +375,7 @@ static void let_the_hardware_filter(struct pgm_atlas *atlas)
 // at most.
 static bool make_room(struct pgm_atlas *atlas)
 {
-    size_t width = (size_t)larger(atlas->side, SIDE_LEAST), room = 2 * ((size_t)PIECE + width) + 16;
+    size_t width = (size_t)larger(atlas->side, SIDE_LEAST), room = 4 * ((size_t)PIECE + width) + 16;
     atlas->heights = malloc(room * sizeof *atlas->heights);
     atlas->parents = malloc(room * sizeof *atlas->parents);
     atlas->texels = malloc(((size_t)PIECE + width) * texel_bytes(atlas));
@@ -341,6 +401,8 @@ bool pgm_atlas_init(struct pgm_atlas *atlas, struct gpu *gpu, const struct terra
 
 void pgm_atlas_finish(struct pgm_atlas *atlas)
 {
+    if (atlas->shading) glDeleteTextures(1, &atlas->shading);
+    atlas->shading = 0;
     if (atlas->textures[0]) glDeleteTextures(atlas->storage.many ? atlas->levels : 1, atlas->textures);
     memset(atlas->textures, 0, sizeof atlas->textures);
     free(atlas->heights);

@@ -21,6 +21,7 @@ enum pgm_fetch {
 
 struct pgm_storage { // what a user chooses
     enum pgm_fetch fetch;
+    bool shaded;         // a second texture, laid out alike, holds a word of shading for each sample
     bool many;           // a texture for each level, chosen by branching, instead of one atlas
     size_t memory_bytes; // that tiles may take; 0: no limit
     size_t budget_bytes; // uploaded a frame, at least
@@ -37,6 +38,7 @@ struct pgm_slot {
 struct pgm_atlas {
     struct pgm_storage storage;
     GLuint textures[PGM_TEXTURES_MAX]; // one, or one a level
+    GLuint shading;                    // 0: none
     int width, height;                 // texels of the one texture
     int finest;                        // level of slot 0; slot k holds level finest + k
     int levels;
@@ -69,5 +71,10 @@ size_t pgm_atlas_bytes(const struct pgm_atlas *atlas);
 // The texels of a box of samples of slot k as they are uploaded, row by row northwards.  PURE.
 void pgm_atlas_texels(const struct pgm_atlas *atlas, const struct terrain *terrain, int k,
                       const struct terrain_extent *box);
+
+// The texels of shading of a box of samples, likewise: four words of a cell, each the x and y of a unit
+// normal as two signed 16-bit shares of 1, by central differences in the level.  PURE.
+void pgm_atlas_shading(const struct pgm_atlas *atlas, const struct terrain *terrain, int k,
+                       const struct terrain_extent *box);
 
 #endif

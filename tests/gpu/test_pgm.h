@@ -38,10 +38,11 @@ static inline struct terrain *make_terrain(int width, int height, const int64_t 
 }
 
 // Options as "rows=100 law=log".
-static inline struct renderer *make_pgm(struct gpu *gpu, const struct terrain *terrain, const char *options)
+static inline struct renderer *make_shaded_pgm(struct gpu *gpu, const struct terrain *terrain,
+                                               const struct scene_effects *effects, const char *options)
 {
     struct renderer_desc desc = {
-        .gpu = gpu, .terrain = terrain, .effects = &common_effects, .width = 640, .height = 480};
+        .gpu = gpu, .terrain = terrain, .effects = effects, .width = 640, .height = 480};
     char text[256];
     renderer_default_knobs(&pgm_renderer, desc.knobs);
     snprintf(text, sizeof text, "%s", options);
@@ -54,6 +55,11 @@ static inline struct renderer *make_pgm(struct gpu *gpu, const struct terrain *t
     struct renderer *renderer = pgm_renderer.create(&desc);
     assert_non_null(renderer);
     return renderer;
+}
+
+static inline struct renderer *make_pgm(struct gpu *gpu, const struct terrain *terrain, const char *options)
+{
+    return make_shaded_pgm(gpu, terrain, &common_effects, options);
 }
 
 static inline struct view make_view(const struct terrain *terrain, const double eye_m[3], double yaw_degrees,

@@ -4,6 +4,8 @@
 
 #include "pgm/pgm_atlas.h"
 
+#include <math.h>
+
 static struct terrain *make_terrain(int width, int height, int64_t first, int32_t step)
 {
     int32_t *samples = malloc((size_t)width * (size_t)height * sizeof *samples);
@@ -188,6 +190,39 @@ static void test_a_packed_texel_holds_a_footprint(void **state)
     }
 }
 
+// The shading words of a cell's corners, decoded, are unit normals of central differences.
+static void test_shading_words_are_normals(void **state)
+{
+    (void)state;
+    struct terrain *terrain = make_terrain(67, 45, -21, 3);
+    struct pgm_storage storage = unlimited;
+    storage.shaded = true;
+    struct pgm_atlas atlas = {0};
+    assert_true(pgm_atlas_layout(&atlas, terrain, &storage));
+    static int32_t heights[8192];
+    static uint32_t texels[4 * 4096];
+    atlas.heights = heights, atlas.texels = texels;
+    for (int k = 0; k < atlas.levels; k++) {
+        const struct terrain_extent *box = &atlas.slots[k].window.extent;
+        double spacing[2] = {ldexp(2, k), ldexp(3, k)};
+        pgm_atlas_shading(&atlas, terrain, k, box);
+        const uint32_t *word = texels;
+        for (int64_t y = box->y0; y < box->y1; y++)
+            for (int64_t x = box->x0; x < box->x1; x++)
+                for (int corner = 0; corner < 4; corner++, word++) {
+                    int64_t i = x + corner % 2, j = y + corner / 2;
+                    double dx =
+                        (sample_at(terrain, k, i + 1, j) - sample_at(terrain, k, i - 1, j)) / spacing[0] / 2;
+                    double dy =
+                        (sample_at(terrain, k, i, j + 1) - sample_at(terrain, k, i, j - 1)) / spacing[1] / 2;
+                    double length = sqrt(dx * dx + dy * dy + 1);
+                    assert_true(fabs((int16_t)(*word & 0xffff) / 32767.0 + dx / length) <= 0.51 / 32767);
+                    assert_true(fabs((int16_t)(*word >> 16) / 32767.0 + dy / length) <= 0.51 / 32767);
+                }
+    }
+    terrain_destroy(terrain);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -196,6 +231,7 @@ int main(void)
         cmocka_unit_test(test_tiles_fill_the_memory_they_may_have),
         cmocka_unit_test(test_terrain_that_does_not_fit_is_said_so),
         cmocka_unit_test(test_a_packed_texel_holds_a_footprint),
+        cmocka_unit_test(test_shading_words_are_normals),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
