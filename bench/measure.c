@@ -245,7 +245,7 @@ static bool draw_passes(struct measure *measure, struct run *run, struct setting
     record->upload_bytes = (double)counted.upload_bytes;
     if (stats.resident_bytes > setting->resident_bytes) setting->resident_bytes = stats.resident_bytes;
     if (!(setting->claimed_px >= stats.claimed_error_px)) setting->claimed_px = stats.claimed_error_px;
-    for (int c = 0; c < 12 && stats.counters[c].name; c++) {
+    for (int c = 0; c < RENDERER_MAX_COUNTERS && stats.counters[c].name; c++) {
         setting->counters[c].name = stats.counters[c].name;
         setting->counters[c].value += stats.counters[c].value;
     }

@@ -282,7 +282,7 @@ static cJSON *run_json(struct run *run, struct setting *setting, struct error_su
     add_number(temporal_json, "p999", temporal.samples ? temporal.p999 : (double)NAN);
     add_number(temporal_json, "max", temporal.samples ? temporal.max : (double)NAN);
     cJSON *counters = cJSON_AddObjectToObject(json, "counters");
-    for (int c = 0; c < 12 && setting->counters[c].name; c++)
+    for (int c = 0; c < RENDERER_MAX_COUNTERS && setting->counters[c].name; c++)
         add_number(counters, setting->counters[c].name, setting->counters[c].value / setting->frame_count);
     if (setting->measured)
         cJSON_AddStringToObject(json, "pictures_sha256", setting->pictures_sha256);

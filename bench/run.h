@@ -77,8 +77,8 @@ struct setting { // a renderer at one setting: a row of the report
     double claimed_px; // largest claim over the frames; NAN: none
     int claim_broken_frames;
     uint64_t resident_bytes;
-    struct renderer_counter counters[12]; // sums over frames
-    double *previous_height;              // at the temporal places of the frame before; NAN: not drawn there
+    struct renderer_counter counters[RENDERER_MAX_COUNTERS]; // sums over frames
+    double *previous_height; // at the temporal places of the frame before; NAN: not drawn there
     struct snapshot snapshots[MOMENT_COUNT];
     char pictures_sha256[65]; // over the shaded pictures of all frames, in order
     unsigned char *picture_digests;

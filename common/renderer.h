@@ -13,7 +13,7 @@
 
 #include "common/gl/gpu.h"
 
-enum { RENDERER_MAX_VIEWS = 2, RENDERER_MAX_KNOBS = 32 };
+enum { RENDERER_MAX_VIEWS = 2, RENDERER_MAX_KNOBS = 32, RENDERER_MAX_COUNTERS = 16 };
 
 // A knob: one number or one word out of `choices` (its value is then the word's index).
 struct renderer_knob {
@@ -43,7 +43,7 @@ struct renderer_stats { // of this frame
         triangles; // submitted by the last draw of view 0, stitches included, counted by the renderer itself
     double claimed_error_px; // what the method promises for this frame's view 0; NAN: it claims nothing
     uint64_t resident_bytes; // held in buffers and textures
-    struct renderer_counter counters[12]; // names NULL beyond the last
+    struct renderer_counter counters[RENDERER_MAX_COUNTERS]; // names NULL beyond the last
 };
 
 struct renderer {

@@ -4,6 +4,7 @@
 #include "common/report.h"
 #include "geomipmap/geomipmap_cache.h"
 #include "geomipmap/geomipmap_select.h"
+#include "geomipmap/geomipmap_shading.h"
 
 #include <limits.h>
 #include <math.h>
@@ -20,6 +21,9 @@ enum {
     KNOB_INDICES,
     KNOB_HYSTERESIS,
     KNOB_MORPH,
+    KNOB_BLEND,
+    KNOB_TEXTURE,
+    KNOB_TEXTURES,
     KNOB_CULL,
     KNOB_FACES,
     KNOB_CACHE
@@ -46,6 +50,10 @@ static const struct renderer_knob knobs[] = {
      NULL},
     {"morph", "vertices move towards the next coarser level before it is drawn: no popping, more time", 0, 0,
      1, "off|on"},
+    {"blend", "shading own: how light map and colour are combined", GEOMIPMAP_MODULATE, 0, 2,
+     "modulate|add|replace"},
+    {"texture", "shading own: longest side of a sub-texture, px", 1024, 16, 65536, NULL},
+    {"textures", "shading own: ceiling of all sub-textures, KiB", 65536, 1, 1e8, NULL},
     {"cull", "draw only tiles that the frustum meets", 1, 0, 1, "off|on"},
     {"faces",
      "triangles drawn: both sides of the surface, or only those that face the eye (may drop a pixel)", 0, 0,
@@ -77,6 +85,8 @@ struct geomipmap_view { // what was selected for one view
     float (*morphs)[8]; // by slot: what the vertex program reads; NULL without morphing
     int morph_room;     // slots in it
     GLuint morph_buffer, morph_texture;
+    int *blocks; // by draw, for shading of its own; NULL without
+    double eye_m[3], pixels_per_tangent;
 };
 
 struct geomipmap_program {
@@ -96,7 +106,11 @@ struct geomipmap {
     int view_count;
     int frame;       // number of this frame
     bool front_only; // faces
-    bool streamed;   // the frame needs more tiles than the cache may hold: draw() uploads in batches
+    bool own_shading;
+    int blend; // enum geomipmap_blend
+    struct geomipmap_shading shading;
+    uint64_t loads_before; // of sub-textures, when the frame began
+    bool streamed;         // the frame needs more tiles than the cache may hold: draw() uploads in batches
 
     struct geomipmap_program programs[PASS_COUNT];
     GLuint vertex_array, indices, vertices, places, places_texture, heights_texture;
@@ -177,14 +191,16 @@ static void upload_tile(struct geomipmap *g, struct geomipmap_place place, int s
     gpu_buffer_sub_data(g->gpu, GL_COPY_WRITE_BUFFER, (size_t)slot * sizeof texel, sizeof texel, &texel);
 }
 
-static void add_draws(const struct geomipmap *g, struct geomipmap_view *view, int set, int slot)
+static void add_draws(const struct geomipmap *g, struct geomipmap_view *view,
+                      const struct geomipmap_pick *pick, int slot)
 {
     struct geomipmap_part parts[GEOMIPMAP_MAX_PARTS];
-    int count = geomipmap_mesh_parts(&g->mesh, set, parts);
+    int count = geomipmap_mesh_parts(&g->mesh, pick->set, parts);
     for (int i = 0; i < count; i++, view->draws++) {
         view->counts[view->draws] = parts[i].count;
         view->first[view->draws] = parts[i].first;
         view->base_vertex[view->draws] = slot * g->tile_vertices;
+        if (g->own_shading) view->blocks[view->draws] = geomipmap_shading_block(&g->shading, pick->place);
     }
 }
 
@@ -237,7 +253,7 @@ static int gather(struct geomipmap *g, struct geomipmap_view *view, int start)
         if (slot >= g->room) resize_slots(g, 2 * g->room);
         if (!reserve_morphs(g, view)) break;
         if (found == GEOMIPMAP_MISS) upload_tile(g, pick->place, slot);
-        add_draws(g, view, pick->set, slot);
+        add_draws(g, view, pick, slot);
         if (g->choice.morph) set_morph(view, pick, slot);
     }
     upload_morphs(g, view);
@@ -254,6 +270,7 @@ static void begin_frame(struct renderer *renderer, int frame)
     g->frame = frame;
     int from, to;
     g->counts_before = g->cache.counts;
+    g->loads_before = g->shading.light.loads + g->shading.colour.loads;
     g->view_count = 0;
     g->streamed = false;
     if (geomipmap_cache_begin_frame(&g->cache, &from, &to)) copy_slot(g, from, to);
@@ -267,9 +284,17 @@ static GLint to_cell(int64_t cell)
     return (GLint)(cell < -limit ? -limit : cell > limit ? limit : cell);
 }
 
-static bool reserve_draws(struct geomipmap_view *view, int room)
+static bool reserve_blocks(struct geomipmap_view *view, int room)
+{
+    int *blocks = realloc(view->blocks, (size_t)room * sizeof *blocks);
+    if (blocks) view->blocks = blocks;
+    return blocks || fail("geomipmap: no memory for the map blocks of %d draws", room);
+}
+
+static bool reserve_draws(struct geomipmap_view *view, int room, bool own_shading)
 {
     if (view->room >= room) return true;
+    if (own_shading && !reserve_blocks(view, room)) return false;
     GLsizei *counts = realloc(view->counts, (size_t)room * sizeof *counts);
     if (counts) view->counts = counts;
     size_t *first = realloc(view->first, (size_t)room * sizeof *first);
@@ -298,24 +323,29 @@ static bool select_view(struct geomipmap *g, struct geomipmap_view *own, const s
         own->eye_cell[axis] = to_cell(eye.base[axis] - first[axis]);
         own->eye_fraction[axis] = eye.fraction[axis];
     }
+    for (int axis = 0; axis < 3; axis++) own->eye_m[axis] = view->eye_m[axis];
+    own->pixels_per_tangent = view->pixels_per_tangent;
     struct geomipmap_selection *selection = &own->selection;
     if (!geomipmap_select(selection, &g->tiles, &g->choice, view)) return false;
     own->drawn = g->choice.cull ? selection->seen : selection->count;
     own->triangles = 0;
     for (int i = 0; i < own->drawn; i++) own->triangles += set_triangles(&g->mesh, selection->picks[i].set);
-    return reserve_draws(own,
-                         selection->room * (g->mesh.borders == GEOMIPMAP_REGIONS ? GEOMIPMAP_MAX_PARTS : 1));
+    int parts = g->mesh.borders == GEOMIPMAP_REGIONS ? GEOMIPMAP_MAX_PARTS : 1;
+    if (g->own_shading) geomipmap_shading_add(&g->shading, selection, own->drawn, view->pixels_per_tangent);
+    return reserve_draws(own, selection->room * parts, g->own_shading);
 }
 
 static bool update(struct renderer *renderer, const struct view *views, int count)
 {
     struct geomipmap *g = (struct geomipmap *)renderer;
     g->view_count = count;
+    if (g->own_shading) geomipmap_shading_begin(&g->shading);
     for (int i = 0; i < count; i++) {
         struct geomipmap_view *view = &g->views[i];
         if (!select_view(g, view, &views[i])) return false;
         if (!g->streamed) g->streamed = gather(g, view, 0) < view->drawn;
     }
+    if (g->own_shading && !geomipmap_shading_end(&g->shading)) return false;
     if (g->streamed && g->cache.slot_count == 0) return fail("geomipmap: no memory for a single tile");
     return true;
 }
@@ -341,15 +371,30 @@ static void bind(struct geomipmap *g, const struct geomipmap_view *view, enum re
     glBindTexture(GL_TEXTURE_BUFFER, g->places_texture);
 }
 
-static void draw_gathered(struct geomipmap *g, const struct geomipmap_view *view)
+static void draw_range(struct geomipmap *g, const struct geomipmap_view *view, int first, int draws)
 {
     uint64_t triangles = 0;
-    for (int i = 0; i < view->draws; i++)
+    for (int i = first; i < first + draws; i++)
         triangles +=
             (uint64_t)geomipmap_mesh_triangles(&g->mesh, (struct geomipmap_part){0, view->counts[i]});
-    if (view->draws > 0)
-        gpu_multi_draw_elements(g->gpu, g->mesh.strips ? GL_TRIANGLE_STRIP : GL_TRIANGLES, view->counts,
-                                GL_UNSIGNED_SHORT, view->first, view->base_vertex, view->draws, triangles);
+    if (draws > 0)
+        gpu_multi_draw_elements(g->gpu, g->mesh.strips ? GL_TRIANGLE_STRIP : GL_TRIANGLES,
+                                view->counts + first, GL_UNSIGNED_SHORT, view->first + first,
+                                view->base_vertex + first, draws, triangles);
+}
+
+// All at once, or block by block where each has its own textures.
+static void draw_gathered(struct geomipmap *g, const struct geomipmap_view *view, enum render_pass pass)
+{
+    if (!g->own_shading || pass != PASS_SHADED) {
+        draw_range(g, view, 0, view->draws);
+        return;
+    }
+    for (int first = 0, end; first < view->draws; first = end) {
+        for (end = first + 1; end < view->draws && view->blocks[end] == view->blocks[first];) end++;
+        geomipmap_shading_bind(&g->shading, view->blocks[first], view->eye_m);
+        draw_range(g, view, first, end - first);
+    }
 }
 
 static void draw(struct renderer *renderer, int view_index, enum render_pass pass)
@@ -359,12 +404,12 @@ static void draw(struct renderer *renderer, int view_index, enum render_pass pas
     if (g->front_only && pass != PASS_POSITION)
         glEnable(GL_CULL_FACE); // measuring looks for faces seen from below
     bind(g, view, pass);
-    if (!g->streamed) draw_gathered(g, view);
+    if (!g->streamed) draw_gathered(g, view, pass);
     for (int start = 0, done; g->streamed && start < view->drawn; start += done) {
         geomipmap_cache_begin_batch(&g->cache);
         done = gather(g, view, start);
         bind(g, view, pass); // the buffers may have moved
-        draw_gathered(g, view);
+        draw_gathered(g, view, pass);
     }
     glDisable(GL_CULL_FACE);
 }
@@ -396,6 +441,20 @@ static size_t tile_bytes(const struct geomipmap *g)
     return bytes;
 }
 
+static void add_shading_counters(const struct geomipmap *g, struct renderer_stats *stats)
+{
+    const struct geomipmap_drape *light = &g->shading.light, *colour = &g->shading.colour;
+    int n = 0;
+    while (stats->counters[n].name) n++;
+    stats->counters[n++] =
+        (struct renderer_counter){"texture_bytes", (double)(light->resident_bytes + colour->resident_bytes)};
+    stats->counters[n++] =
+        (struct renderer_counter){"texture_loads", (double)(light->loads + colour->loads - g->loads_before)};
+    stats->counters[n++] =
+        (struct renderer_counter){"blocks_by_overview", light->shown_by_overview + colour->shown_by_overview};
+    stats->counters[n++] = (struct renderer_counter){"light_map_ms", g->shading.light_ms};
+}
+
 static void stats(const struct renderer *renderer, struct renderer_stats *stats)
 {
     const struct geomipmap *g = (const struct geomipmap *)renderer;
@@ -405,7 +464,8 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
     *stats = (struct renderer_stats){
         .triangles = g->view_count > 0 ? g->views[0].triangles : 0,
         .claimed_error_px = g->choice.tau_px,
-        .resident_bytes = buffer_bytes(g),
+        .resident_bytes =
+            buffer_bytes(g) + g->shading.light.resident_bytes + g->shading.colour.resident_bytes,
         .counters = {{"tiles", g->view_count > 0 ? g->views[0].drawn : 0},
                      {"hits", (double)(now->hits - before->hits)},
                      {"misses", (double)(now->misses - before->misses)},
@@ -419,15 +479,18 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
                      {"bytes_a_sample",
                       ((double)own + (double)terrain_resident_bytes(g->tiles.terrain)) / samples}},
     };
+    if (g->own_shading) add_shading_counters(g, stats);
 }
 
 // ---- creation -----------------------------------------------------------------------------------
 
 static bool build_programs(struct geomipmap *g, const struct scene_effects *effects)
 {
-    char defines[128];
-    snprintf(defines, sizeof defines, "#define TILE_ROW %d\n%s#define HEIGHTS %s\n", (1 << g->tiles.bits) + 1,
-             g->choice.morph ? "#define MORPH\n" : "", g->tiles.wide ? "isamplerBuffer" : "usamplerBuffer");
+    char defines[192];
+    snprintf(defines, sizeof defines, "#define TILE_ROW %d\n%s#define HEIGHTS %s\n#define BLEND %d\n%s",
+             (1 << g->tiles.bits) + 1, g->choice.morph ? "#define MORPH\n" : "",
+             g->tiles.wide ? "isamplerBuffer" : "usamplerBuffer", g->blend,
+             g->shading.colour.subs ? "#define COLOUR\n" : "");
     for (int pass = 0; pass < PASS_COUNT; pass++) {
         struct geomipmap_program *p = &g->programs[pass];
         if (!gpu_program_build(g->gpu, &p->program, "geomipmap/geomipmap.vert", defines, effects,
@@ -498,16 +561,27 @@ static void destroy(struct renderer *renderer)
         free(g->views[i].first);
         free(g->views[i].base_vertex);
         free(g->views[i].morphs);
+        free(g->views[i].blocks);
         if (!g->vertex_array) continue;
         glDeleteBuffers(1, &g->views[i].morph_buffer);
         glDeleteTextures(1, &g->views[i].morph_texture);
     }
     free(g->heights);
     free(g->heights_16);
+    geomipmap_shading_finish(&g->shading);
     geomipmap_cache_finish(&g->cache);
     geomipmap_tiles_finish(&g->tiles);
     geomipmap_mesh_finish(&g->mesh);
     free(g);
+}
+
+static bool init_shading(struct geomipmap *g, const struct renderer_desc *desc)
+{
+    const struct scene_colour *image = desc->effects->colour;
+    const struct geomipmap_colour colour = {image ? image->width : 0, image ? image->height : 0,
+                                            image ? image->pixels : NULL};
+    return geomipmap_shading_init(&g->shading, g->gpu, &g->tiles, &colour, (int)desc->knobs[KNOB_TEXTURE],
+                                  (size_t)desc->knobs[KNOB_TEXTURES] * 1024);
 }
 
 static bool init(struct geomipmap *g, const struct renderer_desc *desc)
@@ -520,6 +594,8 @@ static bool init(struct geomipmap *g, const struct renderer_desc *desc)
                                           .hysteresis = desc->knobs[KNOB_HYSTERESIS],
                                           .morph = desc->knobs[KNOB_MORPH] != 0};
     g->front_only = desc->knobs[KNOB_FACES] != 0;
+    g->own_shading = desc->effects->shading == SCENE_SHADING_OWN;
+    g->blend = (int)desc->knobs[KNOB_BLEND];
     int merge = (int)desc->knobs[KNOB_MERGE], most = GEOMIPMAP_MAX_EXTENT - bits;
     if (g->choice.borders == GEOMIPMAP_REMOVE) merge = 0;
     if (!geomipmap_mesh_init(&g->mesh, bits, g->choice.borders, desc->knobs[KNOB_INDICES] != 0) ||
@@ -529,8 +605,9 @@ static bool init(struct geomipmap *g, const struct renderer_desc *desc)
     g->tile_vertices = ((1 << bits) + 1) * ((1 << bits) + 1);
     g->vertex_bytes = g->tiles.wide ? sizeof(int32_t) : sizeof(uint16_t);
     if (!geomipmap_cache_init(&g->cache, g->tiles.drawable, most_slots(g, desc->knobs[KNOB_CACHE])) ||
-        !allocate(g) || !build_programs(g, desc->effects))
+        !allocate(g) || (g->own_shading && !init_shading(g, desc)) || !build_programs(g, desc->effects))
         return false;
+    if (g->own_shading) geomipmap_shading_use_program(&g->shading, g->programs[PASS_SHADED].program.name);
     create_buffers(g);
     return true;
 }

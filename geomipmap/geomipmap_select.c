@@ -137,6 +137,7 @@ struct asked { // a tile whose level is sought
 struct grade { // of detail
     int level;
     uint8_t morph;
+    double depth_m;
 };
 
 // How far the level's error is from what is allowed, towards the next coarser level's: the mean of both
@@ -155,7 +156,8 @@ static struct grade grade_at_depth(const struct scan *scan, const struct asked *
     int level = geomipmap_choose(asked->error, scan->tiles->levels, allowed, asked->kept,
                                  allowed * (1 - scan->hysteresis));
     bool last = level == scan->tiles->levels - 1;
-    return (struct grade){level, scan->morph && !last ? morph_of(asked->error, level, allowed) : 0};
+    return (struct grade){level, scan->morph && !last ? morph_of(asked->error, level, allowed) : 0,
+                          fmax(depth, scan->view->near_m)};
 }
 
 static struct grade choose_grade(const struct scan *scan, struct geomipmap_place place, const struct box *box,
@@ -165,15 +167,15 @@ static struct grade choose_grade(const struct scan *scan, struct geomipmap_place
                                 scan->hysteresis > 0 ? last_step(scan, place) - place.height
                                                      : scan->tiles->levels};
     const double *forward = scan->view->forward;
-    if (scan->judge.metric == GEOMIPMAP_PAPER) return grade_at_depth(scan, &asked, 0, box_distance(box));
     double depth = box_depth(box, forward, 1), rect[4], seen_depth;
+    if (scan->judge.metric == GEOMIPMAP_PAPER) return grade_at_depth(scan, &asked, depth, box_distance(box));
     struct grade grade = grade_at_depth(scan, &asked, depth, 0);
     // Only part of the box is seen, and that part may begin farther away (numerics.md, C2).  Clipping is
     // worth its time only where a greater depth could help.
     struct grade far = grade_at_depth(scan, &asked, box_depth(box, forward, -1), 0);
     if (whole || (grade.level == far.level && grade.morph == far.morph)) return grade;
     if (!frustum_clip_box(scan->view, box->low, box->high, rect, &seen_depth))
-        return (struct grade){scan->tiles->levels - 1, 0};
+        return (struct grade){scan->tiles->levels - 1, 0, 0};
     return grade_at_depth(scan, &asked, fmax(depth, seen_depth), 0);
 }
 
@@ -197,8 +199,12 @@ static void add_pick(struct scan *scan, struct geomipmap_place place, struct gra
     }
     int index = selection->listed++;
     struct geomipmap_pick *pick = &selection->list[index];
-    *pick = (struct geomipmap_pick){
-        .place = place, .level = grade.level, .morph = grade.morph, .seen = seen, .next = NONE};
+    *pick = (struct geomipmap_pick){.place = place,
+                                    .level = grade.level,
+                                    .morph = grade.morph,
+                                    .depth_m = (float)grade.depth_m,
+                                    .seen = seen,
+                                    .next = NONE};
     if (scan->last != NONE) {
         pick->next = selection->list[scan->last].next;
         selection->list[scan->last].next = index;
@@ -258,7 +264,7 @@ static void scan_tile(struct scan *scan, struct geomipmap_place place, unsigned 
     if (side == FRUSTUM_OUTSIDE && scan->cull && tiles->merge == 0) return;
     if (place.height <= tiles->merge) {
         if (side == FRUSTUM_OUTSIDE) {
-            add_pick(scan, place, (struct grade){tiles->levels - 1, 0}, false);
+            add_pick(scan, place, (struct grade){tiles->levels - 1, 0, 0}, false);
             return;
         }
         struct grade grade = choose_grade(scan, place, &box, side == FRUSTUM_INSIDE);
@@ -369,7 +375,7 @@ static void split_child(struct scan *scan, struct geomipmap_place place, unsigne
     bool seen = side != FRUSTUM_OUTSIDE;
     add_pick(scan, place,
              seen ? choose_grade(scan, place, &box, side == FRUSTUM_INSIDE)
-                  : (struct grade){scan->tiles->levels - 1, 0},
+                  : (struct grade){scan->tiles->levels - 1, 0, 0},
              seen);
 }
 

@@ -28,6 +28,7 @@ struct geomipmap_pick {
     struct geomipmap_place place;
     int level;
     int set;               // geomipmap_mesh_set
+    float depth_m;         // of what is seen of its box, the least, or less
     bool seen;             // the frustum meets it
     int next;              // while selecting: the pick after this one
     uint8_t morph;         // way from its level to the next coarser, in steps of 1 / GEOMIPMAP_MORPHED

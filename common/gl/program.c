@@ -193,10 +193,11 @@ static bool hold_colour(struct gpu *gpu, const struct scene_colour *image)
 static bool set_colour(struct gpu *gpu, const struct gpu_program *program,
                        const struct scene_effects *effects)
 {
-    if (program->pass != PASS_SHADED || !effects->colour) return true;
+    GLint image = glGetUniformLocation(program->name, "colour_image");
+    if (!effects->colour || image < 0) return true; // absent, too, where a renderer drapes it itself
     if (!hold_colour(gpu, effects->colour)) return false;
     glUseProgram(program->name);
-    glUniform1i(glGetUniformLocation(program->name, "colour_image"), GPU_COLOUR_UNIT);
+    glUniform1i(image, GPU_COLOUR_UNIT);
     gpu->program = program->name;
     return true;
 }

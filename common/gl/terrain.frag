@@ -1,17 +1,30 @@
 // The one fragment program: a height ramp with Lambert shading, or the position itself, or depth alone.  Two pieces before
 // it say what is shaded: `vec3 surface_normal()` (unit; face_normal.glsl, or the renderer's own) and
-// `vec3 ground_colour()` (height_colour.glsl or image_colour.glsl).
+// `vec3 ground_colour()` (height_colour.glsl or image_colour.glsl).  A renderer that lights its ground itself defines OWN_LIGHT
+// and `vec3 lit_ground()` in place of the normal.
 #if defined(PASS_SHADED)
 layout(location = 0) out vec4 colour;
+
+// Light where the cosine between the ground's normal and the sun is this, at least 0.
+vec3 sunlight(float cosine)
+{
+    return vec3(0.30, 0.35, 0.44) + vec3(1.05, 0.99, 0.88) * cosine;
+}
+
+#ifndef OWN_LIGHT
+vec3 lit_ground()
+{
+    const vec3 to_sun = vec3(-0.58, 0.58, 0.57); // north-west, 35 degrees high
+    return ground_colour() * sunlight(max(dot(surface_normal(), to_sun), 0.0));
+}
+#endif
 
 void main()
 {
     // Derivatives come before the discard: they need the neighbours that it would take away.
-    vec3 normal = surface_normal(), ground = ground_colour();
+    vec3 lit = lit_ground();
     if (outside_map()) discard;
-    const vec3 to_sun = vec3(-0.58, 0.58, 0.57); // north-west, 35 degrees high
-    vec3 light = vec3(0.30, 0.35, 0.44) + vec3(1.05, 0.99, 0.88) * max(dot(normal, to_sun), 0.0);
-    colour = vec4(ground * light, 1.0);
+    colour = vec4(lit, 1.0);
 }
 #elif defined(PASS_POSITION)
 flat in vec4 v_corners[3]; // side.geom

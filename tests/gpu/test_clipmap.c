@@ -323,7 +323,7 @@ static void small_maps(void **state)
         struct renderer *renderer = create(f, terrain, "n=15 cull=off");
         const double *o = terrain_info(terrain)->outline_m;
         uint64_t seed = 9;
-        for (int i = 0; i < 12; i++) {
+        for (int i = 0; i < RENDERER_MAX_COUNTERS; i++) {
             struct view view = view_over(terrain, &seed, 1, 3000);
             struct bounds bounds = {{INFINITY, INFINITY}, {-INFINITY, -INFINITY}};
             capture(f, renderer, terrain, &view, widen, &bounds);
