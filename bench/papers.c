@@ -18,6 +18,8 @@ static const struct papers_entry {
     {"clipmap-2", "Losasso & Hoppe 2004, Table 2", papers_clipmap_error},
     {"clipmap-rate", "Losasso & Hoppe 2004, section 9, rendering rate", papers_clipmap_rate},
     {"mars-3", "Geometry clipmapping for Mars, Table 3", papers_mars_rendering},
+    {"geomipmap-sets", "Brodersen 2005, section 5, index sets", papers_geomipmap_sets},
+    {"geomipmap-rate", "Brodersen 2005, sections 4 to 6", papers_geomipmap_rate},
 };
 enum { ENTRIES = sizeof entries / sizeof entries[0] };
 

@@ -8,6 +8,7 @@
 //   papers_table.c    a table as text, JSON and HTML
 //   papers_flight.c   timed flights of renderers
 //   papers_clipmap.c  Losasso & Hoppe 2004      papers_mars.c  geometry clipmapping for Mars
+//   papers_geomipmap.c  Brodersen 2005
 // SPDX-License-Identifier: MIT
 #ifndef BENCH_PAPERS_H
 #define BENCH_PAPERS_H
@@ -87,6 +88,7 @@ void papers_level_errors(const struct terrain *terrain, int level, double *error
 typedef bool papers_measure(struct papers *papers, struct papers_table *table);
 papers_measure papers_clipmap_update, papers_clipmap_error, papers_clipmap_rate; // Losasso & Hoppe 2004
 papers_measure papers_mars_rendering;                                            // Mars, Table 3
+papers_measure papers_geomipmap_sets, papers_geomipmap_rate;                     // Brodersen 2005
 
 extern const struct renderer_type
     immediate_renderer; // papers_mars.c: every vertex handed over anew each frame

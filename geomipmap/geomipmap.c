@@ -250,7 +250,7 @@ static int gather(struct geomipmap *g, struct geomipmap_view *view, int start)
         enum geomipmap_found found =
             geomipmap_cache_find(&g->cache, geomipmap_tiles_number(&g->tiles, pick->place), &slot);
         if (found == GEOMIPMAP_FULL) break;
-        if (slot >= g->room) resize_slots(g, 2 * g->room);
+        if (slot >= g->room) resize_slots(g, g->room + g->room / 4);
         if (!reserve_morphs(g, view)) break;
         if (found == GEOMIPMAP_MISS) upload_tile(g, pick->place, slot);
         add_draws(g, view, pick, slot);
