@@ -8,7 +8,7 @@
 //   papers_table.c    a table as text, JSON and HTML
 //   papers_flight.c   timed flights of renderers
 //   papers_clipmap.c  Losasso & Hoppe 2004      papers_mars.c  geometry clipmapping for Mars
-//   papers_geomipmap.c  Brodersen 2005
+//   papers_geomipmap.c  Brodersen 2005          papers_pgm.c   Livny et al. 2008
 // SPDX-License-Identifier: MIT
 #ifndef BENCH_PAPERS_H
 #define BENCH_PAPERS_H
@@ -66,7 +66,7 @@ double papers_clock_ms(const struct papers *papers);
 
 struct papers_flight { // one setting over a whole path
     const struct renderer_type *type;
-    const char *knobs[8];                // name, value, name, value ...
+    const char *knobs[10];               // name, value, name, value ... NULL
     int samples;                         // a pixel; 0: one
     double frame_ms, update_ms, draw_ms; // measured: median over frames of the minimum over repeats
     double triangles;                    // mean a frame, as submitted
@@ -89,6 +89,8 @@ typedef bool papers_measure(struct papers *papers, struct papers_table *table);
 papers_measure papers_clipmap_update, papers_clipmap_error, papers_clipmap_rate; // Losasso & Hoppe 2004
 papers_measure papers_mars_rendering;                                            // Mars, Table 3
 papers_measure papers_geomipmap_sets, papers_geomipmap_rate;                     // Brodersen 2005
+papers_measure papers_pgm_rates, papers_pgm_steps, papers_pgm_extension, papers_pgm_error, papers_pgm_angles,
+    papers_pgm_updates, papers_pgm_culled; // Livny et al. 2008
 
 extern const struct renderer_type
     immediate_renderer; // papers_mars.c: every vertex handed over anew each frame
