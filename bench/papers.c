@@ -20,6 +20,7 @@ static const struct papers_entry {
     {"pgm-1", "Livny et al. 2008, Table 1", papers_pgm_rates},
     {"pgm-2", "Livny et al. 2008, Table 2", papers_pgm_steps},
     {"pgm-3", "Livny et al. 2008, Table 3", papers_pgm_extension},
+    {"pgm-4", "Livny et al. 2008, Table 4", papers_pgm_distortion},
     {"pgm-5", "Livny et al. 2008, Table 5", papers_pgm_error},
     {"pgm-6", "Livny et al. 2008, Table 6", papers_pgm_angles},
     {"pgm-7", "Livny et al. 2008, Table 7", papers_pgm_updates},

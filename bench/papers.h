@@ -89,8 +89,8 @@ typedef bool papers_measure(struct papers *papers, struct papers_table *table);
 papers_measure papers_clipmap_update, papers_clipmap_error, papers_clipmap_rate; // Losasso & Hoppe 2004
 papers_measure papers_mars_rendering;                                            // Mars, Table 3
 papers_measure papers_geomipmap_sets, papers_geomipmap_rate;                     // Brodersen 2005
-papers_measure papers_pgm_rates, papers_pgm_steps, papers_pgm_extension, papers_pgm_error, papers_pgm_angles,
-    papers_pgm_updates, papers_pgm_culled; // Livny et al. 2008
+papers_measure papers_pgm_rates, papers_pgm_steps, papers_pgm_extension, papers_pgm_distortion,
+    papers_pgm_error, papers_pgm_angles, papers_pgm_updates, papers_pgm_culled; // Livny et al. 2008
 
 extern const struct renderer_type
     immediate_renderer; // papers_mars.c: every vertex handed over anew each frame
