@@ -15,6 +15,7 @@ enum {
     KNOB_TRANSITION,
     KNOB_ALPHA,
     KNOB_STITCH,
+    KNOB_LAYOUT,
     KNOB_FADE,
     KNOB_CULL,
     KNOB_FACES,
@@ -38,8 +39,12 @@ static const struct renderer_knob knobs[] = {
     {"stitch",
      "how T-junctions between levels are closed: not, as published, or by splitting the coarse edges",
      CLIPMAP_STITCH_SPLIT, 0, 2, "none|zero-area|split"},
+    {"layout",
+     "index data: blocks, culled one by one, or as published: four rectangles a level, cropped to the "
+     "frustum, in triangle strips",
+     CLIPMAP_LAYOUT_BLOCKS, 0, 1, "blocks|strips"},
     {"fade", "fade a level before the viewer's height switches it off", 1, 0, 1, "off|on"},
-    {"cull", "draw only blocks that the frustum meets", 1, 0, 1, "off|on"},
+    {"cull", "draw only what the frustum meets", 1, 0, 1, "off|on"},
     {"faces",
      "triangles drawn: both sides of the surface, or only those that face the eye (may drop a pixel)", 0, 0,
      1, "both|front"},
@@ -313,12 +318,13 @@ static void draw_some(const struct clipmap *c, const struct clipmap_program *pro
     glUniform1i(program->heights, HEIGHTS_UNIT);
     for (int i = first, level = -1; i < end; i++) {
         const struct clipmap_draw *draw = &view->selection.draws[i];
-        const struct clipmap_list *list = &c->mesh.lists[draw->kind];
+        const struct clipmap_list *list = &draw->list;
         if (draw->level != level) set_level(c, program, view, level = draw->level);
         glVertexAttribIPointer(0, 2, GL_INT, 0,
                                (const void *)((uintptr_t)draw->first * sizeof *view->selection.corners));
-        gpu_draw_elements_instanced(c->gpu, GL_TRIANGLES, list->count, GL_UNSIGNED_SHORT, list->first, 0,
-                                    draw->count, (uint64_t)draw->count * list->count / 3);
+        gpu_draw_elements_instanced(c->gpu, draw->strip ? GL_TRIANGLE_STRIP : GL_TRIANGLES, list->count,
+                                    GL_UNSIGNED_SHORT, list->first, 0, draw->count,
+                                    (uint64_t)draw->count * list->triangles);
     }
 }
 
@@ -423,6 +429,7 @@ static bool set_shape(struct clipmap *c, const double *values)
                                   .throttle = values[KNOB_THROTTLE],
                                   .ahead = (int)values[KNOB_AHEAD]};
     c->choice = (struct clipmap_choice){.cull = values[KNOB_CULL] != 0,
+                                        .layout = (enum clipmap_layout)values[KNOB_LAYOUT],
                                         .stitch = (enum clipmap_stitch)values[KNOB_STITCH]};
     c->front_only = values[KNOB_FACES] != 0;
     c->rebuild = values[KNOB_REFILL] != 0;
@@ -438,6 +445,9 @@ static bool set_shape(struct clipmap *c, const double *values)
                     values[KNOB_BUDGET], 4 * c->shape.size);
     if (c->rebuild && c->budget < UINT64_MAX)
         return fail("clipmap: refill=whole reads every level each frame; it takes no budget");
+    if (c->choice.layout == CLIPMAP_LAYOUT_STRIPS && c->shape.size > CLIPMAP_COLUMN_ROWS)
+        return fail("clipmap: layout=strips: a level of %d rows; at most %d are expected", c->shape.size,
+                    CLIPMAP_COLUMN_ROWS);
     int most = gpu_info(c->gpu)->max_texture_size;
     if (c->shape.size <= most) return true;
     return fail("clipmap: a level of %d x %d samples: textures of this OpenGL driver have at most %d",
@@ -468,8 +478,10 @@ static bool init(struct clipmap *c, const struct renderer_desc *desc)
     c->shading_rules =
         (struct clipmap_shading_rules){(enum clipmap_lod)desc->knobs[KNOB_NORMALS],
                                        clipmap_shading_anisotropy((int)desc->knobs[KNOB_ANISOTROPY])};
-    if (!set_shape(c, desc->knobs) || !clipmap_mesh_init(&c->mesh) ||
-        !clipmap_scratch_init(&c->scratch, c->shape.size) || !build_programs(c, desc->effects))
+    if (!set_shape(c, desc->knobs)) return false;
+    int rows = c->choice.layout == CLIPMAP_LAYOUT_STRIPS ? c->shape.size : 0; // a column's at most
+    if (!clipmap_mesh_init(&c->mesh, rows) || !clipmap_scratch_init(&c->scratch, c->shape.size) ||
+        !build_programs(c, desc->effects))
         return false;
     glBindVertexArray(0); // the element array belongs to whichever vertex array is bound
     glGenBuffers(1, &c->indices);

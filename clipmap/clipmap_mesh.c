@@ -20,6 +20,11 @@ int clipmap_split_kind(enum clipmap_side side, int length)
     return CLIPMAP_BLOCK_KINDS + CLIPMAP_ZERO_AREA_KINDS + (int)side * CLIPMAP_BLOCK + length - 1;
 }
 
+int clipmap_column_kind(int width)
+{
+    return CLIPMAP_FIRST_STRIP + width - 1;
+}
+
 // ---- index lists -----------------------------------------------------------
 
 static void add_triangle(struct clipmap_mesh *mesh, int a, int b, int c)
@@ -36,7 +41,9 @@ static void begin_list(struct clipmap_mesh *mesh, int kind)
 
 static void end_list(struct clipmap_mesh *mesh, int kind)
 {
-    mesh->lists[kind].count = (uint32_t)mesh->count - mesh->lists[kind].first;
+    struct clipmap_list *list = &mesh->lists[kind];
+    list->count = (uint32_t)mesh->count - list->first;
+    list->triangles = list->count / 3;
 }
 
 static void add_block(struct clipmap_mesh *mesh, int width, int height)
@@ -45,8 +52,8 @@ static void add_block(struct clipmap_mesh *mesh, int width, int height)
     for (int y = 0; y < height; y++)
         for (int x = 0; x < width; x++) {
             int south_west = y * CLIPMAP_ROW + x, north_east = south_west + CLIPMAP_ROW + 1;
-            add_triangle(mesh, south_west, south_west + 1, north_east);
-            add_triangle(mesh, south_west, north_east, south_west + CLIPMAP_ROW);
+            add_triangle(mesh, south_west + CLIPMAP_ROW, south_west, north_east);
+            add_triangle(mesh, north_east, south_west, south_west + 1);
         }
     end_list(mesh, clipmap_block_kind(width, height));
 }
@@ -102,12 +109,49 @@ static void add_split(struct clipmap_mesh *mesh, enum clipmap_side side, int len
     end_list(mesh, clipmap_split_kind(side, length));
 }
 
-bool clipmap_mesh_init(struct clipmap_mesh *mesh)
+// Indices of a column, 2 a row for its joint to the row before.
+static uint32_t column_indices(int width, int rows)
+{
+    return rows > 0 ? (uint32_t)(rows * (2 * (width + 1) + 2) - 2) : 0;
+}
+
+static void add_column(struct clipmap_mesh *mesh, int width, int rows)
+{
+    struct clipmap_list *list = &mesh->lists[clipmap_column_kind(width)];
+    list->first = (uint32_t)mesh->count;
+    for (int y = 0; y < rows; y++) {
+        int south_west = y * CLIPMAP_ROW;
+        if (y > 0) { // an even number of repetitions keeps the strip's sense of turning
+            mesh->indices[mesh->count] = mesh->indices[mesh->count - 1];
+            mesh->indices[mesh->count + 1] = (uint16_t)(south_west + CLIPMAP_ROW);
+            mesh->count += 2;
+        }
+        for (int x = 0; x <= width; x++) {
+            mesh->indices[mesh->count++] = (uint16_t)(south_west + CLIPMAP_ROW + x);
+            mesh->indices[mesh->count++] = (uint16_t)(south_west + x);
+        }
+    }
+    list->count = (uint32_t)mesh->count - list->first;
+    list->triangles = rows > 0 ? list->count - 2 : 0;
+}
+
+struct clipmap_list clipmap_mesh_list(const struct clipmap_mesh *mesh, int kind, int rows)
+{
+    struct clipmap_list list = mesh->lists[kind];
+    if (kind < CLIPMAP_FIRST_STRIP) return list;
+    list.count = column_indices(kind - CLIPMAP_FIRST_STRIP + 1, rows);
+    list.triangles = list.count - 2;
+    return list;
+}
+
+bool clipmap_mesh_init(struct clipmap_mesh *mesh, int rows)
 {
     const size_t cells = CLIPMAP_BLOCK * (CLIPMAP_BLOCK + 1) / 2;         // 1 + 2 + ... + CLIPMAP_BLOCK
     const size_t pairs = CLIPMAP_BLOCK / 2 * (CLIPMAP_BLOCK / 2 + 1) / 2; // 1 + 2 + ... + CLIPMAP_BLOCK / 2
     const size_t triangles = 2 * cells * cells + CLIPMAP_SIDES * (pairs + 3 * cells);
-    *mesh = (struct clipmap_mesh){.indices = malloc(3 * triangles * sizeof *mesh->indices)};
+    size_t indices = 3 * triangles;
+    for (int width = 1; width <= CLIPMAP_COLUMN; width++) indices += column_indices(width, rows);
+    *mesh = (struct clipmap_mesh){.indices = malloc(indices * sizeof *mesh->indices)};
     if (!mesh->indices) return fail("clipmap: no memory for index lists");
     for (int height = 1; height <= CLIPMAP_BLOCK; height++)
         for (int width = 1; width <= CLIPMAP_BLOCK; width++) add_block(mesh, width, height);
@@ -117,6 +161,7 @@ bool clipmap_mesh_init(struct clipmap_mesh *mesh)
         for (int length = 1; length <= CLIPMAP_BLOCK; length++)
             add_split(mesh, (enum clipmap_side)side, length);
     }
+    for (int width = 1; width <= CLIPMAP_COLUMN; width++) add_column(mesh, width, rows);
     return true;
 }
 
@@ -139,10 +184,11 @@ static int64_t parts_of(int64_t length, int most)
     return (length + most - 1) / most;
 }
 
-struct cut { // of a box into a grid of nearly equal blocks
+struct cut { // of a box into a grid of nearly equal parts
     const struct clipmap_box *box;
     int64_t length[2], parts[2];
     const struct clipmap_taker *taker;
+    enum clipmap_layout layout;
 };
 
 static int64_t line(const struct cut *cut, int axis, int64_t part)
@@ -154,7 +200,8 @@ static void take_block(const struct cut *cut, const struct clipmap_box *block, u
 {
     struct clipmap_piece piece = {.corner = {block->lo[0], block->lo[1]}};
     for (int axis = 0; axis < 2; axis++) piece.extent[axis] = (int)(block->hi[axis] - block->lo[axis]);
-    piece.kind = clipmap_block_kind(piece.extent[0], piece.extent[1]);
+    piece.kind = cut->layout == CLIPMAP_LAYOUT_STRIPS ? clipmap_column_kind(piece.extent[0])
+                                                      : clipmap_block_kind(piece.extent[0], piece.extent[1]);
     cut->taker->take(cut->taker->user, &piece, planes);
 }
 
@@ -182,15 +229,29 @@ static void take_blocks(const struct cut *cut, const int64_t first[2], const int
 
 static int cut_box(const struct clipmap_box *box, const struct clipmap_taker *taker)
 {
-    struct cut cut = {.box = box, .taker = taker};
+    struct cut cut = {.box = box, .taker = taker, .layout = CLIPMAP_LAYOUT_BLOCKS};
     const int64_t first[2] = {0, 0};
     for (int axis = 0; axis < 2; axis++) {
         cut.length[axis] = box->hi[axis] - box->lo[axis];
-        if (cut.length[axis] <= 0) return 0;
         cut.parts[axis] = parts_of(cut.length[axis], CLIPMAP_BLOCK);
     }
     take_blocks(&cut, first, cut.parts, taker->planes);
     return (int)(cut.parts[0] * cut.parts[1]);
+}
+
+int clipmap_columns(const struct clipmap_box *rectangle)
+{
+    return (int)parts_of(rectangle->hi[0] - rectangle->lo[0], CLIPMAP_COLUMN);
+}
+
+int clipmap_cut_columns(const struct clipmap_box *rectangle, const struct clipmap_taker *taker)
+{
+    struct cut cut = {.box = rectangle, .taker = taker, .layout = CLIPMAP_LAYOUT_STRIPS};
+    const int64_t first[2] = {0, 0};
+    for (int axis = 0; axis < 2; axis++) cut.length[axis] = rectangle->hi[axis] - rectangle->lo[axis];
+    cut.parts[0] = clipmap_columns(rectangle), cut.parts[1] = 1;
+    take_blocks(&cut, first, cut.parts, taker->planes);
+    return (int)cut.parts[0];
 }
 
 // What the blocks leave out: the hole and, when edges are split, the cells round its open sides.
@@ -205,11 +266,15 @@ static struct clipmap_box left_out(const struct clipmap_region *region, const st
     return out;
 }
 
-// Cells that touch the hole in a corner alone are not split.
-static int cut_corners(const struct clipmap_box *hole, const struct clipmap_box *out,
-                       const struct clipmap_taker *taker)
+static void keep(struct clipmap_box rectangles[CLIPMAP_RECTANGLES], int *count, const struct clipmap_box *box)
 {
-    int count = 0;
+    if (box->lo[0] < box->hi[0] && box->lo[1] < box->hi[1]) rectangles[(*count)++] = *box;
+}
+
+// Cells that touch the hole in a corner alone are not split.
+static void keep_corners(const struct clipmap_box *hole, const struct clipmap_box *out,
+                         struct clipmap_box rectangles[CLIPMAP_RECTANGLES], int *count)
+{
     for (int corner = 0; corner < 4; corner++) {
         struct clipmap_box box;
         for (int axis = 0; axis < 2; axis++) {
@@ -217,33 +282,45 @@ static int cut_corners(const struct clipmap_box *hole, const struct clipmap_box 
             box.lo[axis] = high ? hole->hi[axis] : out->lo[axis];
             box.hi[axis] = high ? out->hi[axis] : hole->lo[axis];
         }
-        count += cut_box(&box, taker);
+        keep(rectangles, count, &box);
     }
+}
+
+int clipmap_rectangles(const struct clipmap_region *region, const struct clipmap_region *finer,
+                       enum clipmap_stitch stitch, struct clipmap_box rectangles[CLIPMAP_RECTANGLES])
+{
+    struct clipmap_box active = region->active, box;
+    int count = 0;
+    if (clipmap_box_is_empty(&active)) return 0;
+    if (clipmap_box_is_empty(&region->hole)) {
+        keep(rectangles, &count, &active);
+        return count;
+    }
+    struct clipmap_box out = left_out(region, finer, stitch);
+    for (int axis = 0; axis < 2; axis++) { // beyond a closed side of the hole there is no map
+        if (!finer->open[axis]) active.lo[axis] = out.lo[axis];
+        if (!finer->open[axis + 2]) active.hi[axis] = out.hi[axis];
+    }
+    box = active, box.hi[1] = out.lo[1]; // south of the hole, over the whole width
+    keep(rectangles, &count, &box);
+    box = active, box.lo[1] = out.hi[1]; // north
+    keep(rectangles, &count, &box);
+    active.lo[1] = out.lo[1], active.hi[1] = out.hi[1];
+    box = active, box.hi[0] = out.lo[0]; // west
+    keep(rectangles, &count, &box);
+    box = active, box.lo[0] = out.hi[0]; // east
+    keep(rectangles, &count, &box);
+    keep_corners(&region->hole, &out, rectangles, &count);
     return count;
 }
 
 int clipmap_cut_blocks(const struct clipmap_region *region, const struct clipmap_region *finer,
                        enum clipmap_stitch stitch, const struct clipmap_taker *taker)
 {
-    struct clipmap_box active = region->active, box;
-    if (clipmap_box_is_empty(&active)) return 0;
-    if (clipmap_box_is_empty(&region->hole)) return cut_box(&active, taker);
-    struct clipmap_box out = left_out(region, finer, stitch);
-    int count = 0;
-    for (int axis = 0; axis < 2; axis++) { // beyond a closed side of the hole there is no map
-        if (!finer->open[axis]) active.lo[axis] = out.lo[axis];
-        if (!finer->open[axis + 2]) active.hi[axis] = out.hi[axis];
-    }
-    box = active, box.hi[1] = out.lo[1]; // south of the hole, over the whole width
-    count += cut_box(&box, taker);
-    box = active, box.lo[1] = out.hi[1]; // north
-    count += cut_box(&box, taker);
-    active.lo[1] = out.lo[1], active.hi[1] = out.hi[1];
-    box = active, box.hi[0] = out.lo[0]; // west
-    count += cut_box(&box, taker);
-    box = active, box.lo[0] = out.hi[0]; // east
-    count += cut_box(&box, taker);
-    return count + cut_corners(&region->hole, &out, taker);
+    struct clipmap_box rectangles[CLIPMAP_RECTANGLES];
+    int count = 0, rectangle_count = clipmap_rectangles(region, finer, stitch, rectangles);
+    for (int i = 0; i < rectangle_count; i++) count += cut_box(&rectangles[i], taker);
+    return count;
 }
 
 // Stretches of `length` cells along `side` of a box from `corner` on, none longer than a list.

@@ -4,6 +4,12 @@
 // numbered y * CLIPMAP_ROW + x from its south-west corner, so that one list serves all blocks of its size, at
 // every level.  Cells are split along (i, j)-(i+1, j+1), counter-clockwise seen from above.
 //
+// As published (section 6.1, figure 3), a region is four rectangles, or one, and each is cut into columns of
+// at most CLIPMAP_COLUMN cells: 20 triangles a row, few enough vertices that a row finds those of the row
+// before in the vertex cache.  A column is one triangle strip, row after row northwards, joined by triangles
+// of repeated vertices.  Its vertices are numbered as a block's, so that a column of fewer rows is the
+// beginning of the list, and cropping a rectangle (section 6.4) needs no new indices.
+//
 // The finer level has a vertex in the middle of each edge of its hole.  Two ways to close these T-junctions:
 //   CLIPMAP_STITCH_ZERO_AREA  section 6.2: a triangle of no area over each pair of edges, drawn by the finer
 //   level.  Where
@@ -22,6 +28,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+enum clipmap_layout { CLIPMAP_LAYOUT_BLOCKS, CLIPMAP_LAYOUT_STRIPS };
 enum clipmap_stitch { CLIPMAP_STITCH_NONE, CLIPMAP_STITCH_ZERO_AREA, CLIPMAP_STITCH_SPLIT };
 
 enum {
@@ -31,24 +38,35 @@ enum {
     CLIPMAP_BLOCK_KINDS = CLIPMAP_BLOCK * CLIPMAP_BLOCK,
     CLIPMAP_ZERO_AREA_KINDS = CLIPMAP_SIDES * (CLIPMAP_BLOCK / 2),
     CLIPMAP_SPLIT_KINDS = CLIPMAP_SIDES * CLIPMAP_BLOCK,
-    CLIPMAP_KINDS = CLIPMAP_BLOCK_KINDS + CLIPMAP_ZERO_AREA_KINDS + CLIPMAP_SPLIT_KINDS,
+    CLIPMAP_COLUMN = 10, // cells: "up to ~20 triangles"
+    CLIPMAP_STRIP_KINDS = CLIPMAP_COLUMN,
+    CLIPMAP_FIRST_STRIP = CLIPMAP_BLOCK_KINDS + CLIPMAP_ZERO_AREA_KINDS + CLIPMAP_SPLIT_KINDS,
+    CLIPMAP_KINDS = CLIPMAP_FIRST_STRIP + CLIPMAP_STRIP_KINDS, // triangle lists, then strips
+    CLIPMAP_COLUMN_ROWS = 65536 / CLIPMAP_ROW - 1,             // that 16-bit vertex numbers allow
+    CLIPMAP_RECTANGLES = 8,                                    // most that a region is cut into
 };
 
 // Which list: blocks of width x height cells, 1 .. CLIPMAP_BLOCK; zero-area stitches of `length` cells, even,
-// along a side of the active region; split cells, 1 .. CLIPMAP_BLOCK, along a side of the hole, outside it.
+// along a side of the active region; split cells, 1 .. CLIPMAP_BLOCK, along a side of the hole, outside it;
+// columns 1 .. CLIPMAP_COLUMN cells wide.
 int clipmap_block_kind(int width, int height);
 int clipmap_zero_area_kind(enum clipmap_side side, int length);
 int clipmap_split_kind(enum clipmap_side side, int length);
+int clipmap_column_kind(int width);
 
 struct clipmap_mesh {
     uint16_t *indices; // all lists, one after the other; owned
     size_t count;
     struct clipmap_list {
         uint32_t first, count; // in indices
+        uint32_t triangles;    // with those that join the rows of a strip
     } lists[CLIPMAP_KINDS];
 };
-bool clipmap_mesh_init(struct clipmap_mesh *mesh);
+// rows: of the tallest column, at most CLIPMAP_COLUMN_ROWS; 0 when none is drawn.
+bool clipmap_mesh_init(struct clipmap_mesh *mesh, int rows);
 void clipmap_mesh_finish(struct clipmap_mesh *mesh);
+// The list of a kind; of a column the part for `rows` rows, which other kinds do not look at.
+struct clipmap_list clipmap_mesh_list(const struct clipmap_mesh *mesh, int kind, int rows);
 
 // One use of a list: its vertices 0 .. are the samples from `corner` on.
 struct clipmap_piece {
@@ -69,10 +87,19 @@ struct clipmap_taker {
     unsigned planes; // for the outermost groups
 };
 
-// Cuts the render region into blocks of nearly equal size: each cell of active less hole is in exactly one
-// block, but, with CLIPMAP_STITCH_SPLIT, the cells that share an edge with an open side of the hole are left
-// to clipmap_cut_stitches. finer: the next finer region; NULL when there is none.  Returns the number of
-// blocks, those left included.
+// The rectangles that the render region consists of: one without a hole, else south, north, west and east of
+// it. Each cell of active less hole is in exactly one, but, with CLIPMAP_STITCH_SPLIT, the cells that share
+// an edge with an open side of the hole are left to clipmap_cut_stitches, and those that touch it in a corner
+// are rectangles too.  finer: the next finer region; NULL when there is none.  Returns their number; none is
+// empty.
+int clipmap_rectangles(const struct clipmap_region *region, const struct clipmap_region *finer,
+                       enum clipmap_stitch stitch, struct clipmap_box rectangles[CLIPMAP_RECTANGLES]);
+
+// Cuts a rectangle into columns of nearly equal width.  Returns their number.  clipmap_columns: that alone.
+int clipmap_cut_columns(const struct clipmap_box *rectangle, const struct clipmap_taker *taker);
+int clipmap_columns(const struct clipmap_box *rectangle);
+
+// Cuts the rectangles into blocks of nearly equal size.  Returns the number of blocks, those left included.
 int clipmap_cut_blocks(const struct clipmap_region *region, const struct clipmap_region *finer,
                        enum clipmap_stitch stitch, const struct clipmap_taker *taker);
 

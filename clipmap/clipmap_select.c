@@ -4,14 +4,19 @@
 #include "common/report.h"
 
 #include <assert.h>
+#include <math.h>
 #include <stdlib.h>
 
 struct culler {
     struct clipmap_selection *selection;
+    const struct clipmap_choice *choice;
+    const struct clipmap_mesh *mesh;
     const struct clipmap_store *store;
     const struct view_origin *eye;
+    const struct view *view;
     struct frustum frustum;
     double spacing_m[2], quantum_m, eye_q;
+    int level; // in work
 };
 
 bool clipmap_selection_init(struct clipmap_selection *selection, const struct clipmap_shape *shape)
@@ -35,11 +40,10 @@ void clipmap_selection_finish(struct clipmap_selection *selection)
     *selection = (struct clipmap_selection){.corners = NULL};
 }
 
-static unsigned enter_box(void *user, const struct clipmap_box *box, unsigned planes)
+// A box of samples with the bounds of its heights, about the eye.
+static void box_m(const struct culler *culler, const struct clipmap_box *box, double low[3], double high[3])
 {
-    const struct culler *culler = user;
     struct clipmap_range range = clipmap_store_range(culler->store, box);
-    double low[3], high[3];
     for (int axis = 0; axis < 2; axis++) {
         double fraction = (double)culler->eye->fraction[axis];
         low[axis] = ((double)(box->lo[axis] - culler->eye->base[axis]) - fraction) * culler->spacing_m[axis];
@@ -47,6 +51,13 @@ static unsigned enter_box(void *user, const struct clipmap_box *box, unsigned pl
     }
     low[2] = (range.low - culler->eye_q) * culler->quantum_m;
     high[2] = (range.high - culler->eye_q) * culler->quantum_m;
+}
+
+static unsigned enter_box(void *user, const struct clipmap_box *box, unsigned planes)
+{
+    const struct culler *culler = user;
+    double low[3], high[3];
+    box_m(culler, box, low, high);
     if (frustum_test_box(&culler->frustum, low, high, &planes) == FRUSTUM_OUTSIDE) return CLIPMAP_LEAVE;
     return planes;
 }
@@ -65,37 +76,42 @@ static void take_stitch(void *user, const struct clipmap_piece *piece, unsigned 
     if (!planes || enter_box(user, &box, planes) != CLIPMAP_LEAVE) take_block(user, piece, planes);
 }
 
-// Groups the pieces of a level by list, in the order in which they were cut: one draw a list.
-static void add_draws(struct clipmap_selection *selection, int level, const struct view_origin *eye,
-                      const struct clipmap_mesh *mesh)
+// Groups pieces by list, in the order in which they were cut: one draw a list.  Columns among them are of the
+// same height.
+static void add_draws(const struct culler *culler)
 {
+    struct clipmap_selection *selection = culler->selection;
     int next[CLIPMAP_KINDS] = {0};
     for (int i = 0; i < selection->piece_count; i++) next[selection->pieces[i].kind]++;
     for (int kind = 0; kind < CLIPMAP_KINDS; kind++) {
         if (!next[kind]) continue;
         assert(selection->corner_count + next[kind] <= selection->capacity);
-        struct clipmap_draw draw = {level, kind, selection->corner_count, next[kind]};
+        struct clipmap_draw draw = {culler->level, selection->corner_count, next[kind],
+                                    kind >= CLIPMAP_FIRST_STRIP,
+                                    clipmap_mesh_list(culler->mesh, kind, selection->pieces[0].extent[1])};
         selection->draws[selection->draw_count++] = draw;
-        selection->triangles += (uint64_t)draw.count * mesh->lists[kind].count / 3;
+        selection->triangles += (uint64_t)draw.count * draw.list.triangles;
         selection->corner_count += draw.count;
         next[kind] = draw.first;
     }
     for (int i = 0; i < selection->piece_count; i++) {
         const struct clipmap_piece *piece = &selection->pieces[i];
         int32_t *corner = selection->corners[next[piece->kind]++];
-        for (int axis = 0; axis < 2; axis++) corner[axis] = (int32_t)(piece->corner[axis] - eye->base[axis]);
+        for (int axis = 0; axis < 2; axis++)
+            corner[axis] = (int32_t)(piece->corner[axis] - culler->eye->base[axis]);
     }
+    selection->piece_count = 0;
 }
 
 // False when the level draws nothing.
-static bool begin_level(struct culler *culler, const struct clipmap_region *region,
+static bool begin_level(struct culler *culler, int level, const struct clipmap_region *region,
                         const struct clipmap_store *store, const struct view_origin *eye)
 {
-    culler->selection->piece_count = 0;
     if (clipmap_box_is_empty(&region->active)) return false;
     // An eye so far away sees nothing of the map, and corners are 32-bit.
     for (int axis = 0; axis < 2; axis++)
         if (llabs(region->active.lo[axis] - eye->base[axis]) > INT64_C(1) << 30) return false;
+    culler->level = level;
     culler->store = store;
     culler->eye = eye;
     for (int axis = 0; axis < 2; axis++)
@@ -104,9 +120,55 @@ static bool begin_level(struct culler *culler, const struct clipmap_region *regi
     return true;
 }
 
+static void add_blocks(struct culler *culler, const struct clipmap_region *region,
+                       const struct clipmap_region *finer)
+{
+    struct clipmap_selection *selection = culler->selection;
+    const struct clipmap_taker taker = {enter_box, take_block, culler,
+                                        culler->choice->cull ? FRUSTUM_ALL : 0};
+    int all = clipmap_cut_blocks(region, finer, culler->choice->stitch, &taker);
+    selection->blocks += selection->piece_count;
+    selection->culled += all - selection->piece_count;
+    add_draws(culler);
+}
+
+// Section 6.4: to the rectangle round what the frustum holds of the box.  False when nothing is left.
+static bool crop(const struct culler *culler, struct clipmap_box *box)
+{
+    double low[3], high[3], seen_m[4];
+    box_m(culler, box, low, high);
+    if (!frustum_clip_box(culler->view, low, high, seen_m, NULL)) return false;
+    for (int axis = 0; axis < 2; axis++) {
+        double fraction = (double)culler->eye->fraction[axis], spacing_m = culler->spacing_m[axis];
+        int64_t base = culler->eye->base[axis];
+        int64_t lo = base + (int64_t)floor(seen_m[axis] / spacing_m + fraction);
+        int64_t hi = base + (int64_t)ceil(seen_m[axis + 2] / spacing_m + fraction);
+        if (lo > box->lo[axis]) box->lo[axis] = lo;
+        if (hi < box->hi[axis]) box->hi[axis] = hi;
+    }
+    return box->lo[0] < box->hi[0] && box->lo[1] < box->hi[1];
+}
+
+static void add_strips(struct culler *culler, const struct clipmap_region *region,
+                       const struct clipmap_region *finer)
+{
+    struct clipmap_selection *selection = culler->selection;
+    const struct clipmap_taker taker = {NULL, take_block, culler, 0};
+    struct clipmap_box rectangles[CLIPMAP_RECTANGLES];
+    int count = clipmap_rectangles(region, finer, culler->choice->stitch, rectangles);
+    for (int i = 0; i < count; i++) {
+        int all = clipmap_columns(&rectangles[i]), drawn = 0;
+        if (!culler->choice->cull || crop(culler, &rectangles[i]))
+            drawn = clipmap_cut_columns(&rectangles[i], &taker);
+        selection->blocks += drawn;
+        selection->culled += all - drawn;
+        add_draws(culler);
+    }
+}
+
 static void clear(struct clipmap_selection *selection)
 {
-    selection->corner_count = selection->draw_count = selection->stitch_draws = 0;
+    selection->corner_count = selection->draw_count = selection->stitch_draws = selection->piece_count = 0;
     selection->levels = selection->blocks = selection->culled = 0;
     selection->triangles = 0;
 }
@@ -116,29 +178,25 @@ void clipmap_select(struct clipmap_selection *selection, const struct clipmap_sh
                     const struct clipmap_region *regions, const struct clipmap_store *stores,
                     const struct view_origin *eyes, const struct view *view)
 {
-    struct culler culler = {.selection = selection};
+    struct culler culler = {.selection = selection, .choice = choice, .mesh = mesh, .view = view};
     int32_t eye_base;
     float eye_fraction;
     view_eye_quanta(view, &eye_base, &eye_fraction);
     culler.eye_q = (double)eye_base + (double)eye_fraction;
     frustum_init(&culler.frustum, view);
     clear(selection);
-    unsigned planes = choice->cull ? FRUSTUM_ALL : 0;
     for (int k = 0; k < shape->levels; k++) {
-        const struct clipmap_taker taker = {enter_box, take_block, &culler, planes};
-        if (!begin_level(&culler, &regions[k], &stores[k], &eyes[k])) continue;
-        int all = clipmap_cut_blocks(&regions[k], k > 0 ? &regions[k - 1] : NULL, choice->stitch, &taker);
+        if (!begin_level(&culler, k, &regions[k], &stores[k], &eyes[k])) continue;
+        bool strips = choice->layout == CLIPMAP_LAYOUT_STRIPS;
+        (strips ? add_strips : add_blocks)(&culler, &regions[k], k > 0 ? &regions[k - 1] : NULL);
         selection->levels++;
-        selection->blocks += selection->piece_count;
-        selection->culled += all - selection->piece_count;
-        add_draws(selection, k, &eyes[k], mesh);
     }
     int block_draws = selection->draw_count;
     for (int k = 0; k < shape->levels; k++) {
-        const struct clipmap_taker taker = {NULL, take_stitch, &culler, planes};
-        if (!begin_level(&culler, &regions[k], &stores[k], &eyes[k])) continue;
+        const struct clipmap_taker taker = {NULL, take_stitch, &culler, choice->cull ? FRUSTUM_ALL : 0};
+        if (!begin_level(&culler, k, &regions[k], &stores[k], &eyes[k])) continue;
         clipmap_cut_stitches(&regions[k], k > 0 ? &regions[k - 1] : NULL, choice->stitch, &taker);
-        add_draws(selection, k, &eyes[k], mesh);
+        add_draws(&culler);
     }
     selection->stitch_draws = selection->draw_count - block_draws;
 }

@@ -1,6 +1,7 @@
 // The blocks and stitches that a view draws, after view-frustum culling (Losasso & Hoppe 2004, section 6.4).
-// PURE. The paper crops four rectangles a level; here each block is tested with the bounds of its own
-// heights. SPDX-License-Identifier: MIT
+// PURE. As published, each of a level's four rectangles is cropped to the rectangle round what the frustum
+// holds of its box; by default each block is tested with the bounds of its own heights.
+// SPDX-License-Identifier: MIT
 #ifndef CLIPMAP_CLIPMAP_SELECT_H
 #define CLIPMAP_CLIPMAP_SELECT_H
 
@@ -10,6 +11,7 @@
 
 struct clipmap_choice {
     bool cull;
+    enum clipmap_layout layout;
     enum clipmap_stitch stitch;
 };
 
@@ -18,10 +20,12 @@ struct clipmap_selection {
                            // by side
     int corner_count;
     struct clipmap_draw { // one list, drawn `count` times at corners[first ..]
-        int level, kind, first, count;
+        int level, first, count;
+        bool strip; // else a list of triangles
+        struct clipmap_list list;
     } * draws;                    // blocks of all levels, fine to coarse, then stitches likewise
     int draw_count, stitch_draws; // the last `stitch_draws` draws are stitches
-    int levels, blocks, culled;   // levels drawn, blocks drawn, blocks culled
+    int levels, blocks, culled;   // levels drawn, blocks or columns drawn, and those that culling saved
     uint64_t triangles;
 
     int capacity;

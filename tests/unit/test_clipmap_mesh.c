@@ -46,7 +46,7 @@ static void blocks_fill_their_cells(void **state)
 {
     (void)state;
     struct clipmap_mesh mesh;
-    assert_true(clipmap_mesh_init(&mesh));
+    assert_true(clipmap_mesh_init(&mesh, 0));
     for (int height = 1; height <= CLIPMAP_BLOCK; height++)
         for (int width = 1; width <= CLIPMAP_BLOCK; width++) {
             const struct clipmap_list *list = &mesh.lists[clipmap_block_kind(width, height)];
@@ -66,17 +66,84 @@ static void blocks_fill_their_cells(void **state)
     clipmap_mesh_finish(&mesh);
 }
 
+struct turned { // triangle `i` of a strip as it is drawn, in cells
+    int x[3], y[3];
+};
+
+static struct turned strip_triangle(const struct clipmap_mesh *mesh, const struct clipmap_list *list,
+                                    uint32_t i)
+{
+    const uint16_t *ids = mesh->indices + list->first + i;
+    struct turned t;
+    for (int v = 0; v < 3; v++) {
+        int id = ids[v < 2 ? v ^ (int)(i & 1) : 2]; // every second one is turned round
+        t.x[v] = id % CLIPMAP_ROW, t.y[v] = id / CLIPMAP_ROW;
+    }
+    return t;
+}
+
+// A column's list begins with that of any lower one: two triangles a cell, split as a block's are, and no
+// area between rows.
+static void columns_fill_their_cells(void **state)
+{
+    (void)state;
+    enum { ROWS = 70 };
+    struct clipmap_mesh mesh;
+    assert_true(clipmap_mesh_init(&mesh, ROWS));
+    for (int width = 1; width <= CLIPMAP_COLUMN; width++)
+        for (int rows = 1; rows <= ROWS; rows++) {
+            int kind = clipmap_column_kind(width), halves[ROWS][CLIPMAP_COLUMN] = {{0}};
+            struct clipmap_list list = clipmap_mesh_list(&mesh, kind, rows);
+            assert_int_equal(list.first, mesh.lists[kind].first);
+            assert_true(list.count <= mesh.lists[kind].count);
+            assert_int_equal(list.triangles, list.count - 2);
+            for (uint32_t i = 0; i < list.triangles; i++) {
+                struct turned t = strip_triangle(&mesh, &list, i);
+                int area = (t.x[1] - t.x[0]) * (t.y[2] - t.y[0]) - (t.x[2] - t.x[0]) * (t.y[1] - t.y[0]);
+                bool repeats = (t.x[0] == t.x[1] && t.y[0] == t.y[1]) ||
+                               (t.x[1] == t.x[2] && t.y[1] == t.y[2]) ||
+                               (t.x[0] == t.x[2] && t.y[0] == t.y[2]);
+                assert_int_equal(area, !repeats); // counter-clockwise seen from above
+                if (repeats) continue;
+                int x = t.x[0], y = t.y[0];
+                for (int v = 1; v < 3; v++) x = t.x[v] < x ? t.x[v] : x, y = t.y[v] < y ? t.y[v] : y;
+                assert_true(x < width && y < rows);
+                for (int v = 0, other = 1; v < 3; v++, other = (v + 1) % 3) { // no edge on the other diagonal
+                    int dx = t.x[other] - t.x[v], dy = t.y[other] - t.y[v];
+                    assert_true(abs(dx) <= 1 && abs(dy) <= 1 && dx * dy != -1);
+                    if (dx * dy > 0) halves[y][x] |= dx > 0 ? 1 : 2; // left of the diagonal, right of it
+                }
+            }
+            assert_int_equal(list.triangles, 2 * width * rows + 4 * (rows - 1));
+            for (int y = 0; y < rows; y++)
+                for (int x = 0; x < width; x++) assert_int_equal(halves[y][x], 3);
+        }
+    clipmap_mesh_finish(&mesh);
+}
+
 struct cells {
     struct clipmap_box box;
     uint8_t *times;
+    bool columns;
 };
+
+static void cut_columns(const struct clipmap_region *region, const struct clipmap_region *finer,
+                        const struct clipmap_taker *taker)
+{
+    struct clipmap_box rectangles[CLIPMAP_RECTANGLES];
+    int count = clipmap_rectangles(region, finer, CLIPMAP_STITCH_NONE, rectangles);
+    assert_int_equal(count, finer ? 4 : 1);
+    for (int i = 0; i < count; i++)
+        assert_int_equal(clipmap_cut_columns(&rectangles[i], taker), clipmap_columns(&rectangles[i]));
+}
 
 static void count_cells(void *user, const struct clipmap_piece *piece, unsigned planes)
 {
     (void)planes;
     struct cells *cells = user;
     int64_t width = cells->box.hi[0] - cells->box.lo[0];
-    assert_int_equal(piece->kind, clipmap_block_kind(piece->extent[0], piece->extent[1]));
+    assert_int_equal(piece->kind, cells->columns ? clipmap_column_kind(piece->extent[0])
+                                                 : clipmap_block_kind(piece->extent[0], piece->extent[1]));
     for (int y = 0; y < piece->extent[1]; y++)
         for (int x = 0; x < piece->extent[0]; x++)
             cells->times[(piece->corner[1] + y - cells->box.lo[1]) * width + piece->corner[0] + x -
@@ -84,7 +151,7 @@ static void count_cells(void *user, const struct clipmap_piece *piece, unsigned 
 }
 
 // Each cell between the active region and its hole is drawn once, and none in the hole.
-static void blocks_cover_the_render_region_once(void **state)
+static void blocks_and_columns_cover_the_render_region_once(void **state)
 {
     (void)state;
     static const int sizes[] = {11, 15, 31, 63, 127};
@@ -96,12 +163,16 @@ static void blocks_cover_the_render_region_once(void **state)
                      test_uniform(&seed, 9000, 20000));
             for (int k = 0; k + 4 < world.shape.levels; k++) { // away from the map's edge
                 const struct clipmap_region *region = &world.regions[k];
-                struct cells cells = {region->active, NULL};
+                const struct clipmap_region *finer = k > 0 ? region - 1 : NULL;
+                struct cells cells = {.box = region->active, .columns = i % 2};
                 int64_t width = region->active.hi[0] - region->active.lo[0];
                 cells.times = calloc((size_t)(width * (region->active.hi[1] - region->active.lo[1])), 1);
                 assert_non_null(cells.times);
                 const struct clipmap_taker taker = {NULL, count_cells, &cells, 0};
-                clipmap_cut_blocks(region, k > 0 ? region - 1 : NULL, CLIPMAP_STITCH_NONE, &taker);
+                if (cells.columns)
+                    cut_columns(region, finer, &taker);
+                else
+                    clipmap_cut_blocks(region, finer, CLIPMAP_STITCH_NONE, &taker);
                 for (int64_t y = region->active.lo[1]; y < region->active.hi[1]; y++)
                     for (int64_t x = region->active.lo[0]; x < region->active.hi[0]; x++) {
                         const struct clipmap_box *hole = &region->hole;
@@ -209,7 +280,7 @@ static void levels_and_stitches_are_one_closed_surface(void **state)
     static const int sizes[] = {11, 15, 31, 63};
     static const int64_t maps[][2] = {{1000, 700}, {65, 65}, {300, 12}, {513, 512}, {3, 200}};
     struct clipmap_mesh mesh;
-    assert_true(clipmap_mesh_init(&mesh));
+    assert_true(clipmap_mesh_init(&mesh, 0));
     uint64_t seed = 2, open[3] = {0}, views = 0;
     for (int s = 0; s < 4; s++)
         for (int m = 0; m < 5; m++)
@@ -235,7 +306,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(blocks_fill_their_cells),
-        cmocka_unit_test(blocks_cover_the_render_region_once),
+        cmocka_unit_test(columns_fill_their_cells),
+        cmocka_unit_test(blocks_and_columns_cover_the_render_region_once),
         cmocka_unit_test(levels_and_stitches_are_one_closed_surface),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
