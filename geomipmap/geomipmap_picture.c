@@ -102,13 +102,21 @@ int geomipmap_picture_level_for(const struct geomipmap_picture *picture, double 
 
 // ---- light --------------------------------------------------------------------------------------
 
-// One row of the light map from three rows of heights, each with one sample more on both sides.
+// Spacings between the neighbours of a sample, one of which is the sample itself at the edge of the map.
+static int span(int sample, int count)
+{
+    return sample == 0 || sample == count - 1 ? 1 : 2;
+}
+
+// One row of the light map from three rows of heights, each with one sample more on both sides: at the edge
+// of the map that one repeats the last.  spacing_q: between samples; south and north stand span_y of them
+// apart.
 static void light_row(const int32_t *south, const int32_t *row, const int32_t *north, int width,
-                      const double step_q[2], const double to_sun[3], uint8_t *out)
+                      const double spacing_q[2], int span_y, const double to_sun[3], uint8_t *out)
 {
     for (int i = 0; i < width; i++) {
-        double slope_x = ((double)row[i + 2] - row[i]) / step_q[0];
-        double slope_y = ((double)north[i + 1] - south[i + 1]) / step_q[1];
+        double slope_x = ((double)row[i + 2] - row[i]) / (span(i, width) * spacing_q[0]);
+        double slope_y = ((double)north[i + 1] - south[i + 1]) / (span_y * spacing_q[1]);
         double cosine = (to_sun[2] - slope_x * to_sun[0] - slope_y * to_sun[1]) /
                         sqrt(1 + slope_x * slope_x + slope_y * slope_y);
         out[i] = (uint8_t)lround(255 * fmin(fmax(cosine, 0), 1));
@@ -131,12 +139,11 @@ uint8_t *geomipmap_light_map(const struct terrain *terrain, int n, const double 
         fail("geomipmap: no memory for a light map of %d x %d", *width, *height);
         return NULL;
     }
-    // A difference of two samples spans two spacings.
-    const double step_q[2] = {2 * level.spacing_m[0] / quantum_m, 2 * level.spacing_m[1] / quantum_m};
+    const double spacing_q[2] = {level.spacing_m[0] / quantum_m, level.spacing_m[1] / quantum_m};
     for (int j = 0; j < *height; j++) {
         terrain_window(terrain, n, level.extent.x0 - 1, level.extent.y0 + j - 1, (int)stride, 3, rows,
                        TERRAIN_WAIT);
-        light_row(rows, rows + stride, rows + 2 * stride, *width, step_q, to_sun,
+        light_row(rows, rows + stride, rows + 2 * stride, *width, spacing_q, span(j, *height), to_sun,
                   light + (size_t)(*height - 1 - j) * (size_t)*width);
     }
     free(rows);

@@ -100,7 +100,8 @@ static void level_has_pixels_of_the_spacing(void **state)
     geomipmap_picture_finish(&picture);
 }
 
-// An inclined plane is lit alike everywhere, by the cosine that its normal has with the sun.
+// An inclined plane is lit alike everywhere, up to the edge of the map, by the cosine that its normal has
+// with the sun.
 static void planes_are_lit_by_their_cosine(void **state)
 {
     (void)state;
@@ -124,10 +125,8 @@ static void planes_are_lit_by_their_cosine(void **state)
         assert_int_equal(height, SIDE);
         double x = slopes[s][0] * 0.1 / 10, y = slopes[s][1] * 0.1 / 20;
         double cosine = (sun[2] - x * sun[0] - y * sun[1]) / sqrt(1 + x * x + y * y);
-        for (int i = 0; i < SIDE * SIDE; i++) {
-            if (i % SIDE == 0 || i % SIDE == SIDE - 1 || i / SIDE == 0 || i / SIDE == SIDE - 1) continue;
+        for (int i = 0; i < SIDE * SIDE; i++)
             assert_true(fabs(light[i] / 255.0 - fmax(cosine, 0)) <= 0.5 / 255 + 1e-12);
-        }
         free(light);
         terrain_destroy(terrain);
     }
