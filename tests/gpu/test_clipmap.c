@@ -81,6 +81,40 @@ static void culling_leaves_no_trace(void **state)
     terrain_destroy(terrain);
 }
 
+// Share of the triangles that culling leaves, |pitch| <= 15 degrees, 90 degrees across.
+static double share_drawn_level(struct fixture *f, const struct terrain *terrain, const char *settings)
+{
+    char text[128];
+    snprintf(text, sizeof text, "%s cull=on", settings);
+    struct renderer *culled = create(f, terrain, text);
+    snprintf(text, sizeof text, "%s cull=off", settings);
+    struct renderer *whole = create(f, terrain, text);
+    uint64_t seed = 64;
+    double share = 0;
+    int views = test_size(100, 2000);
+    for (int i = 0; i < views; i++) {
+        struct camera camera = {
+            .eye_m = {test_uniform(&seed, 2000, 10000), test_uniform(&seed, 1000, 8000), 0},
+            .yaw = test_uniform(&seed, -4, 4),
+            .pitch = test_uniform(&seed, -0.2618, 0.2618),
+            .fov_vertical = 2 * atan(0.75)};
+        double ground_q;
+        assert_true(terrain_truth_at(terrain, camera.eye_m[0], camera.eye_m[1], &ground_q, NULL));
+        camera.eye_m[2] = ground_q * hills.quantum_m + test_uniform(&seed, 2, 300);
+        struct view view;
+        view_init(&view, terrain, &camera, WIDTH, HEIGHT, 0);
+        struct renderer_stats stats[2];
+        update(culled, &view);
+        update(whole, &view);
+        clipmap_renderer.stats(culled, &stats[0]);
+        clipmap_renderer.stats(whole, &stats[1]);
+        share += (double)stats[0].triangles / (double)stats[1].triangles / views;
+    }
+    clipmap_renderer.destroy(culled);
+    clipmap_renderer.destroy(whole);
+    return share;
+}
+
 static void triangles_drawn_level(void **state)
 {
     struct fixture *f = *state;
@@ -89,35 +123,14 @@ static void triangles_drawn_level(void **state)
     for (int s = 0; s < 4; s++) {
         char settings[64];
         snprintf(settings, sizeof settings, "n=%d", sizes[s]);
-        struct renderer *culled = create(f, terrain, settings);
-        snprintf(settings, sizeof settings, "n=%d cull=off", sizes[s]);
-        struct renderer *whole = create(f, terrain, settings);
-        uint64_t seed = 64;
-        double share = 0;
-        int views = test_size(100, 2000);
-        for (int i = 0; i < views; i++) {
-            struct camera camera = {
-                .eye_m = {test_uniform(&seed, 2000, 10000), test_uniform(&seed, 1000, 8000), 0},
-                .yaw = test_uniform(&seed, -4, 4),
-                .pitch = test_uniform(&seed, -0.2618, 0.2618),
-                .fov_vertical = 2 * atan(0.75)}; // 90 degrees across
-            double ground_q;
-            assert_true(terrain_truth_at(terrain, camera.eye_m[0], camera.eye_m[1], &ground_q, NULL));
-            camera.eye_m[2] = ground_q * hills.quantum_m + test_uniform(&seed, 2, 300);
-            struct view view;
-            view_init(&view, terrain, &camera, WIDTH, HEIGHT, 0);
-            struct renderer_stats stats[2];
-            update(culled, &view);
-            update(whole, &view);
-            clipmap_renderer.stats(culled, &stats[0]);
-            clipmap_renderer.stats(whole, &stats[1]);
-            share += (double)stats[0].triangles / (double)stats[1].triangles / views;
-        }
-        FIGURE("culling, n=%d, |pitch| <= 15 degrees, 90 degrees across: %.3f of the triangles", sizes[s],
-               share);
-        assert_true(share <= 0.40);
-        clipmap_renderer.destroy(culled);
-        clipmap_renderer.destroy(whole);
+        double blocks = share_drawn_level(f, terrain, settings);
+        snprintf(settings, sizeof settings, "n=%d stitch=zero-area layout=strips", sizes[s]);
+        double strips = share_drawn_level(f, terrain, settings);
+        FIGURE("culling, n=%d, |pitch| <= 15 degrees, 90 degrees across: %.3f of the triangles; cropped "
+               "rectangles, as published: %.3f (section 6.4: about 1/3)",
+               sizes[s], blocks, strips);
+        assert_true(blocks <= 0.40);
+        assert_true(strips <= 0.40);
     }
     terrain_destroy(terrain);
 }
@@ -316,11 +329,14 @@ static void small_maps(void **state)
 {
     struct fixture *f = *state;
     static const int64_t maps[][2] = {{1, 1}, {2, 2}, {3, 3}, {1, 17}, {17, 1}, {16, 16}, {18, 675}, {2, 40}};
-    for (size_t m = 0; m < sizeof maps / sizeof *maps; m++) {
+    static const char *const layouts[] = {"n=15 cull=off", "n=15 cull=off layout=strips"};
+    const size_t count = sizeof maps / sizeof *maps;
+    for (size_t run = 0; run < 2 * count; run++) {
+        size_t m = run % count;
         struct test_map map = hills;
         map.width = maps[m][0], map.height = maps[m][1], map.first[0] = -1, map.first[1] = 5, map.rough = 20;
         struct terrain *terrain = test_terrain(&map);
-        struct renderer *renderer = create(f, terrain, "n=15 cull=off");
+        struct renderer *renderer = create(f, terrain, layouts[run / count]);
         const double *o = terrain_info(terrain)->outline_m;
         uint64_t seed = 9;
         for (int i = 0; i < RENDERER_MAX_COUNTERS; i++) {

@@ -248,10 +248,10 @@ static void options_have_no_holes_and_cull_without_a_trace(void **state)
 {
     struct fixture *f = *state;
     struct terrain *terrain = test_terrain(&hills);
-    static const char *const options[] = {
-        "regions=frustum", "sizes=error", "ahead=8 throttle=0.5",
-        "regions=frustum sizes=error throttle=0.5 ahead=4 stitch=zero-area"};
-    for (int o = 0; o < 4; o++) {
+    static const char *const options[] = {"regions=frustum", "sizes=error", "ahead=8 throttle=0.5",
+                                          "regions=frustum sizes=error throttle=0.5 ahead=4 stitch=zero-area",
+                                          "regions=frustum sizes=error throttle=0.5 ahead=4 layout=strips"};
+    for (int o = 0; o < 5; o++) {
         struct drops drops = {0, 0, 0};
         int views = test_size(4, 125); // of each size: 2,000 over all
         for (int s = 0; s < 4; s++) {
