@@ -56,7 +56,7 @@ static void strips_draw_the_picture_of_blocks(void **state)
             }
             uint64_t seed = 61 + (uint64_t)split, triangles[3] = {0, 0, 0};
             struct drops drops = {0, 0, 0};
-            int views = test_size(sizes[s] < 100 ? 10 : 7, 1000); // 2,000 of each n
+            int views = test_size(sizes[s] < 100 ? 10 : 7, 200); // 2,000 in all
             for (int i = 0; i < views; i++) {
                 struct view view = any_view(terrain, &seed, i);
                 uint64_t pictures[3];
