@@ -4,6 +4,7 @@
 #include "common/image.h"
 #include "common/report.h"
 #include "common/terrain/heightfield_gdal.h"
+#include "common/terrain/relief_file.h"
 #include "common/terrain/sidecar.h"
 
 #include <errno.h>
@@ -315,13 +316,14 @@ static bool load_any(struct heightfield *field, const char *path)
 {
     if (ends_in(path, ".png")) return load_png(field, path);
     if (ends_in(path, ".hgt")) return load_hgt(field, path);
+    if (ends_in(path, ".relief")) return relief_load(field, path);
     if (is_raw(path)) return load_raw(field, path);
 #ifdef RELIEF_GDAL
     return heightfield_load_gdal(field, path);
 #else
-    return fail(
-        "%s: not a kind of file that is known; .png, .hgt or .raw is accepted (more when built with GDAL)",
-        path);
+    return fail("%s: not a kind of file that is known; .png, .hgt, .relief or .raw is accepted (more when "
+                "built with GDAL)",
+                path);
 #endif
 }
 

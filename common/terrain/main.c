@@ -4,6 +4,7 @@
 #include "common/report.h"
 #include "common/terrain/generate.h"
 #include "common/terrain/heightfield.h"
+#include "common/terrain/relief_program.h"
 #include "common/terrain/terrain.h"
 
 #include <cjson/cJSON.h>
@@ -14,14 +15,22 @@ static const char HELP[] =
     "usage: terrain info [--json] [--synthesize N] FILE\n"
     "       terrain import IN OUT.png\n"
     "       terrain generate OUT.png [--kind K] [--size WxH] [--spacing M] [--relief M] [--seed N]\n"
+    "       terrain pack IN OUT.relief (--rms M | --max M | --lossless) [--codec wavelet|bounded]\n"
+    "       terrain unpack F.relief OUT.png\n"
+    "       terrain compare [--json] A B\n"
     "       terrain --help | --version\n"
     "\n"
     "info      what an elevation file holds: its size, heights, voids, and the error of each level\n"
     "import    any elevation file to a 16-bit PNG with a JSON sidecar\n"
     "generate  made terrain: shapes with known answers and a seeded fractal\n"
+    "pack      any elevation file to a compressed one: to an rms error (codec wavelet), or so that no sample "
+    "of\n"
+    "          any level is off by more than M metres, or without loss (codec bounded)\n"
+    "unpack    a compressed file to a 16-bit PNG with a JSON sidecar\n"
+    "compare   two elevation files of one size: rms and largest difference, bytes, bits a sample\n"
     "\n"
-    "Accepted files: 16-bit grey .png with a .json beside it, SRTM .hgt, and .raw (also .bin .r16 .r32\n"
-    ".f32 .flt .bil) with a .json that gives width, height, dtype and spacing_m"
+    "Accepted files: 16-bit grey .png with a .json beside it, SRTM .hgt, .relief, and .raw (also .bin .r16\n"
+    ".r32 .f32 .flt .bil) with a .json that gives width, height, dtype and spacing_m"
 #ifdef RELIEF_GDAL
     "; and what GDAL reads"
 #endif
@@ -105,6 +114,7 @@ static int info_main(int argc, char **argv)
     };
     if (!cli_parse(argc, argv, options, words, &count)) return EXIT_COMMAND_LINE;
     if (count != 1) return fail("info: the name of an elevation file is expected"), EXIT_COMMAND_LINE;
+    if (relief_is_name(words[0]) && finer == 0) return relief_print_info(words[0], json);
     struct terrain_options build = {.synthesize_levels = finer};
     struct terrain *terrain = terrain_load(words[0], &build);
     if (!terrain) return EXIT_WORLD;
@@ -179,13 +189,16 @@ int main(int argc, char **argv)
     static const struct {
         const char *name;
         int (*run)(int argc, char **argv);
-    } COMMANDS[] = {{"info", info_main}, {"import", import_main}, {"generate", generate_main}};
+    } COMMANDS[] = {
+        {"info", info_main},        {"import", import_main},        {"generate", generate_main},
+        {"pack", relief_pack_main}, {"unpack", relief_unpack_main}, {"compare", relief_compare_main}};
     for (int i = 1; i < argc; i++) {
         if (strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0) return fputs(HELP, stdout) < 0;
         if (strcmp(argv[i], "--version") == 0) return printf("terrain (relief) %s\n", RELIEF_VERSION) < 0;
     }
     for (size_t i = 0; argc > 1 && i < sizeof COMMANDS / sizeof *COMMANDS; i++)
         if (strcmp(argv[1], COMMANDS[i].name) == 0) return COMMANDS[i].run(argc - 1, argv + 1);
-    fail("%s: info, import or generate is expected; --help tells more", argc > 1 ? argv[1] : "terrain");
+    fail("%s: info, import, generate, pack, unpack or compare is expected; --help tells more",
+         argc > 1 ? argv[1] : "terrain");
     return EXIT_COMMAND_LINE;
 }

@@ -1,0 +1,50 @@
+// A compressed terrain on disk, read where it is needed: any window of any level decodes alone, from the
+// tiles under it and those of the coarser levels above them.  relief_format.h has the bytes, layout.h what
+// they mean. SPDX-License-Identifier: MIT
+#ifndef COMMON_TERRAIN_RELIEF_FILE_H
+#define COMMON_TERRAIN_RELIEF_FILE_H
+
+#include "common/terrain/heightfield.h"
+#include "common/terrain/relief_format.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+struct relief; // opaque; may be read from several threads
+
+// NULL after one line on stderr.  Holds the index and the side section in memory, never more than a fixed
+// multiple of the file's size.
+struct relief *relief_open(const char *path);
+void relief_close(struct relief *relief); // accepts NULL
+
+const struct relief_header *relief_header(const struct relief *relief);
+const struct grid *relief_grid(const struct relief *relief);
+
+// Bytes of header, tiles, base and index: what bits a sample count.
+uint64_t relief_sample_bytes(const struct relief *relief);
+
+// What the side section says of tile `number` (grid.first_tile + ty * tiles[0] + tx): its samples reach from
+// LAYOUT_SAMPLES * t to LAYOUT_SAMPLES * (t + 1), both ends included.
+struct relief_tile_side {
+    uint64_t offset; // of the tile's bytes in the payload
+    uint32_t bytes, crc;
+    int32_t min_q, max_q;
+    uint8_t error_code; // relief_error_of: largest difference from level 0 over the tile, in quanta
+};
+const struct relief_tile_side *relief_side(const struct relief *relief, int64_t number);
+
+// Samples of `level`, row 0 south, in quanta: the same whatever window they are read in.  The window lies
+// within the level.  False after one line on stderr: the file is harmed, cannot be read, or memory ran out.
+bool relief_window(const struct relief *relief, int level, int64_t x0, int64_t y0, int64_t width,
+                   int64_t height, int32_t *out);
+
+// The next level alone, as a viewer reads it: `coarse` holds internal units of the coarser level, at least
+// what relief_coarse_rect says, and `wanted` receives internal units.
+struct rect relief_coarse_rect(const struct relief *relief, int level, const struct rect *wanted);
+bool relief_refine(const struct relief *relief, int level, const struct patch *coarse,
+                   const struct patch *wanted);
+
+// The whole of level 0.  False after one line on stderr.
+bool relief_load(struct heightfield *field, const char *path);
+
+#endif

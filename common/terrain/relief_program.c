@@ -1,0 +1,295 @@
+// SPDX-License-Identifier: MIT
+#include "common/terrain/relief_program.h"
+
+#include "common/cli.h"
+#include "common/report.h"
+#include "common/terrain/heightfield.h"
+#include "common/terrain/relief_file.h"
+#include "common/terrain/relief_pack.h"
+
+#include <cjson/cJSON.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/stat.h>
+#include <time.h>
+
+static const char *const LAYOUT_NAMES[] = {[LAYOUT_WAVELET] = "wavelet", [LAYOUT_BOUNDED] = "bounded"};
+
+static const struct cli_option END = {NULL, NULL, NULL, CLI_FLAG, NULL, 0, 0, NULL};
+
+bool relief_is_name(const char *path)
+{
+    size_t length = strlen(path);
+    return length > 7 && strcasecmp(path + length - 7, ".relief") == 0;
+}
+
+static double cpu_seconds(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+    return (double)t.tv_sec + (double)t.tv_nsec * 1e-9;
+}
+
+static double file_bytes(const char *path)
+{
+    struct stat status;
+    return stat(path, &status) == 0 ? (double)status.st_size : 0;
+}
+
+// ---- pack ------------------------------------------------------------------
+
+// What the words ask for; false after one line on stderr.
+static bool choose(const char *codec, double rms_m, double max_m, bool lossless,
+                   struct relief_pack_options *options)
+{
+    int said = (rms_m >= 0) + (max_m >= 0) + lossless;
+    if (said != 1) return fail("pack: one of --rms M, --max M and --lossless is expected");
+    bool wavelet = rms_m >= 0;
+    *options = (struct relief_pack_options){.layout = wavelet ? LAYOUT_WAVELET : LAYOUT_BOUNDED,
+                                            .rms_m = wavelet ? rms_m : 0,
+                                            .max_m = max_m >= 0 ? max_m : 0};
+    if (wavelet && !(rms_m > 0)) return fail("pack: --rms 0 is --lossless; more than 0 is accepted");
+    if (codec && strcmp(codec, LAYOUT_NAMES[options->layout]) != 0)
+        return fail("pack: --codec %s does not serve that aim; wavelet takes --rms, bounded takes --max and "
+                    "--lossless",
+                    codec);
+    return true;
+}
+
+static void print_packed(const char *path, const struct relief_header *h, double seconds)
+{
+    double samples = (double)h->size[0] * (double)h->size[1];
+    double bytes = (double)(RELIEF_HEADER + h->payload_bytes + h->base_bytes + h->index_bytes);
+    printf("%s: %s, %lld x %lld samples\n", path, LAYOUT_NAMES[h->layout], (long long)h->size[0],
+           (long long)h->size[1]);
+    printf("%.0f bytes of samples, %.4f bits a sample; side section %.0f bytes, %.4f bits a sample\n", bytes,
+           8 * bytes / samples, (double)h->side_bytes, 8 * (double)h->side_bytes / samples);
+    printf("rms %.4g m, max %.4g m against the source; packed in %.2f s of CPU time\n", h->rms_m, h->max_m,
+           seconds);
+}
+
+int relief_pack_main(int argc, char **argv)
+{
+    const char *words[2] = {NULL, NULL}, *codec = NULL;
+    double rms_m = -1, max_m = -1;
+    bool lossless = false;
+    int count = 2;
+    const struct cli_option options[] = {
+        {"rms", "M", "rms error to reach, metres", CLI_NUMBER, &rms_m, 0, 1e6, NULL},
+        {"max", "M", "largest error allowed, metres", CLI_NUMBER, &max_m, 0, 1e6, NULL},
+        {"lossless", NULL, "no error at all", CLI_FLAG, &lossless, 0, 0, NULL},
+        {"codec", "NAME", "how", CLI_TEXT, &codec, 0, 0, "wavelet|bounded"},
+        END,
+    };
+    struct relief_pack_options pack;
+    if (!cli_parse(argc, argv, options, words, &count)) return EXIT_COMMAND_LINE;
+    if (count != 2 || !relief_is_name(words[1]))
+        return fail("pack: an elevation file and a name that ends in .relief are expected"),
+               EXIT_COMMAND_LINE;
+    if (!choose(codec, rms_m, max_m, lossless, &pack)) return EXIT_COMMAND_LINE;
+    struct heightfield field;
+    struct relief_header header;
+    if (!heightfield_load(&field, words[0])) return EXIT_WORLD;
+    double start = cpu_seconds();
+    bool good = relief_pack(&field, &pack, words[1], &header);
+    if (good) print_packed(words[1], &header, cpu_seconds() - start);
+    heightfield_finish(&field);
+    return good ? EXIT_GOOD : EXIT_WORLD;
+}
+
+// ---- unpack ----------------------------------------------------------------
+
+int relief_unpack_main(int argc, char **argv)
+{
+    const char *words[2] = {NULL, NULL};
+    int count = 2;
+    if (!cli_parse(argc, argv, &END, words, &count)) return EXIT_COMMAND_LINE;
+    size_t length = count == 2 ? strlen(words[1]) : 0;
+    if (count != 2 || !relief_is_name(words[0]) || length < 5 || strcmp(words[1] + length - 4, ".png") != 0)
+        return fail("unpack: a .relief file and a name that ends in .png are expected"), EXIT_COMMAND_LINE;
+    struct heightfield field;
+    if (!heightfield_load(&field, words[0])) return EXIT_WORLD;
+    bool good = heightfield_save(&field, words[1], words[0]);
+    heightfield_finish(&field);
+    return good ? EXIT_GOOD : EXIT_WORLD;
+}
+
+// ---- info ------------------------------------------------------------------
+
+static double level_error_m(const struct relief *relief, int level)
+{
+    const struct grid *grid = relief_grid(relief);
+    uint8_t most = 0;
+    if (level < grid->count - 1)
+        for (int64_t i = 0; i < grid->tiles[level][0] * grid->tiles[level][1]; i++) {
+            uint8_t code = relief_side(relief, grid->first_tile[level] + i)->error_code;
+            most = code > most ? code : most;
+        }
+    return relief_error_of(most) * relief_header(relief)->quantum_m;
+}
+
+static void print_info_json(const struct relief *relief, double bytes)
+{
+    const struct relief_header *h = relief_header(relief);
+    const struct grid *grid = relief_grid(relief);
+    double samples = (double)h->size[0] * (double)h->size[1];
+    cJSON *root = cJSON_CreateObject();
+    cJSON_AddStringToObject(root, "name", h->name);
+    cJSON_AddNumberToObject(root, "width", (double)h->size[0]);
+    cJSON_AddNumberToObject(root, "height", (double)h->size[1]);
+    cJSON_AddItemToObject(root, "spacing_m", cJSON_CreateDoubleArray(h->spacing_m, 2));
+    cJSON_AddNumberToObject(root, "height_scale", h->quantum_m);
+    cJSON_AddNumberToObject(root, "height_offset", h->offset_m);
+    cJSON_AddNumberToObject(root, "min_height_m", h->quantum_m * h->min_q + h->offset_m);
+    cJSON_AddNumberToObject(root, "max_height_m", h->quantum_m * h->max_q + h->offset_m);
+    cJSON_AddNumberToObject(root, "voids_filled", (double)h->voids_filled);
+    cJSON_AddNumberToObject(root, "samples", samples);
+    cJSON_AddStringToObject(root, "codec", LAYOUT_NAMES[h->layout]);
+    cJSON_AddNumberToObject(root, "file_bytes", bytes);
+    cJSON_AddNumberToObject(root, "sample_bytes", (double)relief_sample_bytes(relief));
+    cJSON_AddNumberToObject(root, "side_bytes", (double)h->side_bytes);
+    cJSON_AddNumberToObject(root, "bits_per_sample", 8 * (double)relief_sample_bytes(relief) / samples);
+    cJSON_AddNumberToObject(root, "rms_m", h->rms_m);
+    cJSON_AddNumberToObject(root, "max_m", h->max_m);
+    cJSON *levels = cJSON_AddArrayToObject(root, "levels");
+    for (int l = 0; l < grid->count; l++) {
+        cJSON *item = cJSON_CreateObject();
+        cJSON_AddItemToArray(levels, item);
+        cJSON_AddNumberToObject(item, "level", l);
+        cJSON_AddNumberToObject(item, "width", (double)grid->size[l][0]);
+        cJSON_AddNumberToObject(item, "height", (double)grid->size[l][1]);
+        if (l < grid->count - 1)
+            cJSON_AddNumberToObject(item, "max_error_m", level_error_m(relief, l));
+        else
+            cJSON_AddNullToObject(item, "max_error_m"); // the base has no tiles
+    }
+    char *text = cJSON_Print(root);
+    if (text) puts(text);
+    cJSON_free(text);
+    cJSON_Delete(root);
+}
+
+static void print_info_text(const struct relief *relief, double bytes)
+{
+    const struct relief_header *h = relief_header(relief);
+    const struct grid *grid = relief_grid(relief);
+    double samples = (double)h->size[0] * (double)h->size[1];
+    printf("%s: %lld x %lld samples, %g x %g m apart, codec %s\n", h->name, (long long)h->size[0],
+           (long long)h->size[1], h->spacing_m[0], h->spacing_m[1], LAYOUT_NAMES[h->layout]);
+    printf("heights %g to %g m in steps of %g m, %llu voids filled\n", h->quantum_m * h->min_q + h->offset_m,
+           h->quantum_m * h->max_q + h->offset_m, h->quantum_m, (unsigned long long)h->voids_filled);
+    printf("rms %.4g m, max %.4g m against the source\n", h->rms_m, h->max_m);
+    printf("%.0f bytes: samples %.4f bits each, side section %.4f bits a sample\n", bytes,
+           8 * (double)relief_sample_bytes(relief) / samples, 8 * (double)h->side_bytes / samples);
+    printf("\n level      samples   at most so far from level 0, m\n");
+    for (int l = 0; l < grid->count; l++) {
+        char size[48];
+        snprintf(size, sizeof size, "%lld x %lld", (long long)grid->size[l][0], (long long)grid->size[l][1]);
+        if (l < grid->count - 1)
+            printf("%6d %12s %32.3f\n", l, size, level_error_m(relief, l));
+        else
+            printf("%6d %12s %32s\n", l, size, "(no tiles)");
+    }
+}
+
+int relief_print_info(const char *path, bool json)
+{
+    struct relief *relief = relief_open(path);
+    if (!relief) return EXIT_WORLD;
+    if (json)
+        print_info_json(relief, file_bytes(path));
+    else
+        print_info_text(relief, file_bytes(path));
+    relief_close(relief);
+    return EXIT_GOOD;
+}
+
+// ---- compare ---------------------------------------------------------------
+
+struct difference {
+    double rms_m, max_m, mean_m;
+    int64_t compared, voids; // samples that both have; that one lacks
+};
+
+static struct difference difference_of(const struct heightfield *a, const struct heightfield *b)
+{
+    struct difference d = {0};
+    double squares = 0, sum = 0;
+    for (int64_t i = 0; i < a->width * a->height; i++) {
+        bool known = a->samples[i] != HEIGHTFIELD_VOID && b->samples[i] != HEIGHTFIELD_VOID;
+        d.compared += known;
+        d.voids += !known;
+        if (!known) continue;
+        double off =
+            (b->quantum_m * b->samples[i] + b->offset_m) - (a->quantum_m * a->samples[i] + a->offset_m);
+        squares += off * off;
+        sum += off;
+        d.max_m = fabs(off) > d.max_m ? fabs(off) : d.max_m;
+    }
+    if (d.compared) d.rms_m = sqrt(squares / (double)d.compared), d.mean_m = sum / (double)d.compared;
+    return d;
+}
+
+static void print_difference(const struct difference *d, const char *const names[2], const double seconds[2],
+                             double samples, bool json)
+{
+    double bytes[2] = {file_bytes(names[0]), file_bytes(names[1])};
+    if (!json) {
+        printf("rms %.4g m, max %.4g m, mean %.3g m over %lld samples; %lld void in one of them\n", d->rms_m,
+               d->max_m, d->mean_m, (long long)d->compared, (long long)d->voids);
+        for (int i = 0; i < 2; i++)
+            printf("%s: %.0f bytes, %.4f bits a sample, read in %.3f s of CPU time\n", names[i], bytes[i],
+                   8 * bytes[i] / samples, seconds[i]);
+        return;
+    }
+    cJSON *root = cJSON_CreateObject(), *files = cJSON_CreateArray();
+    cJSON_AddNumberToObject(root, "rms_m", d->rms_m);
+    cJSON_AddNumberToObject(root, "max_m", d->max_m);
+    cJSON_AddNumberToObject(root, "mean_m", d->mean_m);
+    cJSON_AddNumberToObject(root, "compared", (double)d->compared);
+    cJSON_AddNumberToObject(root, "voids", (double)d->voids);
+    cJSON_AddItemToObject(root, "files", files);
+    for (int i = 0; i < 2; i++) {
+        cJSON *item = cJSON_CreateObject();
+        cJSON_AddItemToArray(files, item);
+        cJSON_AddStringToObject(item, "file", names[i]);
+        cJSON_AddNumberToObject(item, "bytes", bytes[i]);
+        cJSON_AddNumberToObject(item, "bits_per_sample", 8 * bytes[i] / samples);
+        cJSON_AddNumberToObject(item, "read_cpu_s", seconds[i]);
+    }
+    char *text = cJSON_Print(root);
+    if (text) puts(text);
+    cJSON_free(text);
+    cJSON_Delete(root);
+}
+
+int relief_compare_main(int argc, char **argv)
+{
+    const char *words[2] = {NULL, NULL};
+    bool json = false;
+    int count = 2;
+    const struct cli_option options[] = {{"json", NULL, "print JSON", CLI_FLAG, &json, 0, 0, NULL}, END};
+    if (!cli_parse(argc, argv, options, words, &count)) return EXIT_COMMAND_LINE;
+    if (count != 2) return fail("compare: two elevation files are expected"), EXIT_COMMAND_LINE;
+    struct heightfield fields[2] = {0};
+    double seconds[2] = {0, 0};
+    bool good = true;
+    for (int i = 0; good && i < 2; i++) {
+        double start = cpu_seconds();
+        good = heightfield_load(&fields[i], words[i]);
+        seconds[i] = cpu_seconds() - start;
+    }
+    if (good && (fields[0].width != fields[1].width || fields[0].height != fields[1].height))
+        good = fail("%s: %lld x %lld samples, but %s has %lld x %lld; equal sizes are expected", words[1],
+                    (long long)fields[1].width, (long long)fields[1].height, words[0],
+                    (long long)fields[0].width, (long long)fields[0].height);
+    if (good) {
+        struct difference d = difference_of(&fields[0], &fields[1]);
+        print_difference(&d, words, seconds, (double)fields[0].width * (double)fields[0].height, json);
+    }
+    for (int i = 0; i < 2; i++) heightfield_finish(&fields[i]);
+    return good ? EXIT_GOOD : EXIT_WORLD;
+}

@@ -1,0 +1,77 @@
+// Trains the tile coder's tables: packs the maps given at many rates, counts what the coder sees, and prints
+// common/terrain/coder_tables.c.  Choices made while packing hang on the tables, so `make tables` runs it
+// twice. SPDX-License-Identifier: MIT
+#include "common/report.h"
+#include "common/terrain/coder.h"
+#include "common/terrain/relief_pack.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+static bool count(const char *path, enum layout layout, double error_m, struct coder_counts *counts)
+{
+    struct heightfield field;
+    struct relief_header header;
+    struct relief_pack_options options = {
+        .layout = layout, .rms_m = error_m, .max_m = error_m, .threads = 1, .counts = counts};
+    bool good = heightfield_load(&field, path) && relief_pack(&field, &options, NULL, &header);
+    heightfield_finish(&field);
+    return good;
+}
+
+// Frequencies of a context: at least 1 each, 2^CODER_BITS together.  Contexts that were hardly seen lean on
+// `likely`.
+static void normalise(const uint64_t seen[CODER_TOKENS], const double likely[CODER_TOKENS],
+                      double share[CODER_TOKENS], int frequency[CODER_TOKENS])
+{
+    const double whole = 1 << CODER_BITS, belief = 50;
+    double total = belief;
+    int sum = 0, most = 0;
+    for (int t = 0; t < CODER_TOKENS; t++) total += (double)seen[t];
+    for (int t = 0; t < CODER_TOKENS; t++) {
+        share[t] = ((double)seen[t] + belief * likely[t]) / total;
+        frequency[t] = (int)(share[t] * (whole - CODER_TOKENS)) + 1;
+        sum += frequency[t];
+        if (frequency[t] > frequency[most]) most = t;
+    }
+    frequency[most] += (1 << CODER_BITS) - sum;
+}
+
+static void print_tables(const struct coder_counts *counts)
+{
+    printf("// Made by `make tables`; do not edit.  SPDX-License-Identifier: MIT\n"
+           "#include \"common/terrain/coder.h\"\n\n// clang-format off\nconst struct coder_tables "
+           "CODER_TABLES = {{\n");
+    for (int set = 0; set < CODER_SETS; set++) {
+        double share[CODER_TOKENS];
+        for (int t = 0; t < CODER_TOKENS; t++) share[t] = 1.0 / CODER_TOKENS;
+        printf("{ // set %d\n", set);
+        for (int c = 0; c < CODER_CONTEXTS; c++) {
+            int frequency[CODER_TOKENS], start = 0;
+            normalise(counts->of[set][c], share, share, frequency);
+            printf("{");
+            for (int t = 0; t < CODER_TOKENS; start += frequency[t++])
+                printf("%d%s", start, t + 1 < CODER_TOKENS ? "," : "");
+            printf("},\n");
+        }
+        printf("},\n");
+    }
+    printf("}};\n");
+}
+
+int main(int argc, char **argv)
+{
+    static const double RMS_M[] = {0.25, 0.5, 1, 2, 4, 8, 16}, MAX_M[] = {0, 0.5, 1, 2, 4, 8, 16, 32};
+    struct coder_counts *counts = calloc(1, sizeof *counts);
+    if (!counts || argc < 2) return fail("train_coder: maps to learn from are expected"), EXIT_COMMAND_LINE;
+    for (int i = 1; i < argc; i++) {
+        for (size_t k = 0; k < sizeof RMS_M / sizeof *RMS_M; k++)
+            if (!count(argv[i], LAYOUT_WAVELET, RMS_M[k], counts))
+                note("%s is left out at that rate", argv[i]);
+        for (size_t k = 0; k < sizeof MAX_M / sizeof *MAX_M; k++)
+            if (!count(argv[i], LAYOUT_BOUNDED, MAX_M[k], counts)) return free(counts), EXIT_WORLD;
+    }
+    print_tables(counts);
+    free(counts);
+    return EXIT_GOOD;
+}
