@@ -4,8 +4,7 @@
 //   plan     which renderers at which settings, and which frames each flies          plan.c
 //   time     whole flights, interleaved in random order, repeated                    timing.c
 //   measure  frame by frame: truth once, then every setting against it               measure.c
-//   results  results.json, frames/*.csv, pictures/*.png, then the report             results.c,
-//   result_files.c
+//   results  results.json, frames/*.csv, pictures/*.png, then the report             results.c, result_*.c
 // SPDX-License-Identifier: MIT
 #ifndef BENCH_RUN_H
 #define BENCH_RUN_H
