@@ -55,8 +55,9 @@ struct renderer_type {
     const char *summary;               // one line for --help and the report
     const struct renderer_knob *knobs; // ends with a NULL name
     const char *quality_knob;          // the one that a sweep turns; NULL: none
-    // Its values, coarse to fine; each list ends with NAN.  A sweep starts where skylines are less than 8
-    // pixels off: beyond, what a coarse mesh misses counts as holes (reports/README.md).
+    const char *preset_knob; // one that stands in for the quality knob when it is turned; NULL: none
+    // The quality knob's values, coarse to fine; each list ends with NAN.  A sweep starts where skylines are
+    // less than 8 pixels off: beyond, what a coarse mesh misses counts as holes (reports/README.md).
     const double *quick, *full;
     struct renderer *(*create)(const struct renderer_desc *desc); // NULL after one line on stderr
     void (*begin_frame)(struct renderer *renderer, int frame);

@@ -51,6 +51,8 @@ enum knob {
     KNOB_FRAGMENT,
     KNOB_CULL,
     KNOB_FACES,
+    KNOB_FALL,
+    KNOB_EDGE,
 };
 
 static const struct renderer_knob knobs[] = {
@@ -87,9 +89,9 @@ static const struct renderer_knob knobs[] = {
     {"bias", "levels added to the level of detail: blur for aliasing", 0, -8, 8, NULL},
     {"filter", "how a level is read between samples", 2, 0, 2, "nearest|bilinear|triangle"},
     {"fetch",
-     "what a texel holds: one height, or all that a vertex blends; or mipmaps that the hardware makes and "
-     "filters",
-     PGM_FETCH_PLAIN, 0, 2, "plain|packed|mipmap"},
+     "what a texel holds: one height, or all that a vertex blends; or the hardware filters: mipmaps that it "
+     "makes, or the atlas, whose tiles then bleed into each other",
+     PGM_FETCH_PLAIN, 0, 3, "plain|packed|mipmap|linear"},
     {"textures", "all levels in one texture, or one texture each, chosen by branching", 0, 0, 1,
      "atlas|many"},
     {"memory", "MiB of heights on the GPU, beyond which levels are tiles about the viewer; 0: no limit", 256,
@@ -107,6 +109,12 @@ static const struct renderer_knob knobs[] = {
     {"faces",
      "triangles drawn: both sides of the surface, or only those that face the eye (may drop a pixel)", 0, 0,
      1, "both|front"},
+    {"fall",
+     "how far a row's ray sinks: sin A - y cos A as printed, which cancels at the horizon, or a sum from the "
+     "far end",
+     PGM_FALL_STABLE, 0, 1, "published|stable"},
+    {"edge", "beyond the map: its border's heights go on like curtains, or nothing is drawn", 1, 0, 1,
+     "clamped|exact"},
     {0},
 };
 
@@ -182,6 +190,7 @@ static void read_settings(struct pgm *pgm)
     s->extension = (enum pgm_extension)k[KNOB_EXTENSION];
     s->widening = k[KNOB_WIDENING] > 0;
     s->plane = (enum pgm_plane)k[KNOB_PLANE];
+    s->fall = (enum pgm_fall)k[KNOB_FALL];
     s->lod = (enum pgm_lod)k[KNOB_LOD];
     s->spread = (enum pgm_spread)k[KNOB_SPREAD];
     s->lod_bias = k[KNOB_BIAS];
@@ -267,18 +276,19 @@ static void write_branches(const struct pgm *pgm, char *out, size_t size)
 static void write_defines(const struct pgm *pgm, char *out, size_t size)
 {
     static const char *const filters[] = {"FILTER_NEAREST", "FILTER_BILINEAR", "FILTER_TRIANGLE"};
-    static const char *const fetches[] = {"FETCH_PLAIN", "FETCH_PACKED", "FETCH_MIPMAP"};
+    static const char *const fetches[] = {"FETCH_PLAIN", "FETCH_PACKED", "FETCH_MIPMAP", "FETCH_LINEAR"};
     const double *knob = pgm->desc.knobs;
     const struct embedded_file *levels = embedded_find("pgm/pgm_levels.glsl");
     size_t used = (size_t)snprintf(
-        out, size, "#define LEVELS_MAX %d\n#define ROWS_MAX %d\n#define %s\n#define %s\n%s%s%s%s%s%s%.*s\n",
+        out, size, "#define LEVELS_MAX %d\n#define ROWS_MAX %d\n#define %s\n#define %s\n%s%s%s%s%s%s%s%.*s\n",
         PGM_LEVELS_MAX, PGM_ROWS_MAX, filters[(int)knob[KNOB_FILTER]], fetches[(int)knob[KNOB_FETCH]],
         pgm->atlas.narrow ? "" : "#define WIDE\n", pgm_atlas_is_whole(&pgm->atlas) ? "" : "#define TILED\n",
         pgm->settings.lod == PGM_LOD_PUBLISHED ? "#define WEIGHT_PUBLISHED\n" : "",
         knob[KNOB_MAPPING] > 0 ? "" : "#define MAPPING_PUBLISHED\n",
         knob[KNOB_COORDINATES] > 0 ? "" : "#define COORDINATES_AUTOMATIC\n",
-        knob[KNOB_FRAGMENT] > 0 ? "" : "#define ONE_FETCH\n", (int)(levels->end - levels->data),
-        (const char *)levels->data);
+        knob[KNOB_FRAGMENT] > 0 ? "" : "#define ONE_FETCH\n",
+        knob[KNOB_EDGE] > 0 ? "" : "#define EDGE_CLAMPED\n#define MAP_UNBOUNDED\n",
+        (int)(levels->end - levels->data), (const char *)levels->data);
     if (pgm->atlas.storage.many && used < size) write_branches(pgm, out + used, size - used);
 }
 
@@ -669,6 +679,7 @@ const struct renderer_type pgm_renderer = {
     .summary = "persistent grid mapping with a sampling camera",
     .knobs = knobs,
     .quality_knob = "rows",
+    .preset_knob = "grid",
     .quick = quick,
     .full = full,
     .create = pgm_create,

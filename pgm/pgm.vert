@@ -1,6 +1,6 @@
 // Lays the persistent grid over the ground: row table to place, place to height.  Livny et al. 2008, sections 3.1 to 3.5.
 //   FILTER_NEAREST, _BILINEAR, _TRIANGLE  how a level is read between samples
-//   FETCH_PACKED, _PLAIN, _MIPMAP         what a texel holds (pgm_atlas.h); WIDE: heights span more than 16 bits
+//   FETCH_PACKED, _PLAIN, _MIPMAP, _LINEAR  what a texel holds (pgm_atlas.h); WIDE: heights span more than 16 bits
 //   TILED                                 some levels are tiles about the viewer: their texels wrap
 //   MANY(level, texel)                    a texture for each level, chosen by branching
 //   MAPPING_PUBLISHED                     Equation 1 as printed; WEIGHT_PUBLISHED: Equation 7 as printed
@@ -74,6 +74,16 @@ float blended_height(int level, vec2 place, float weight)
     return textureLod(heights, uv, float(level) + weight).r + float(base.x);
 }
 #else
+#if defined(FETCH_LINEAR)
+uniform sampler2D heights;
+
+// By the hardware's sampler: at a tile's rim, with whatever lies beside it in the atlas.
+float level_height(int level, cell at)
+{
+    vec2 texel = vec2(texel_of(level, at.corner)) + at.part + 0.5;
+    return textureLod(heights, texel / vec2(textureSize(heights, 0)), 0.0).r + float(base.x);
+}
+#else
 #if defined(MANY)
 uniform isampler2D heights[LEVELS];
 
@@ -110,6 +120,7 @@ float level_height(int level, cell at)
     return filtered(vec4(south_west, south_east, north_west, north_east), at.part);
 #endif
 }
+#endif
 
 float blended_height(int level, vec2 place, float weight)
 {

@@ -21,12 +21,18 @@ static int64_t larger(int64_t a, int64_t b)
 
 enum { SHADING_BYTES = 16 };
 
+static bool holds_floats(const struct pgm_atlas *atlas)
+{
+    return atlas->storage.fetch == PGM_FETCH_MIPMAP || atlas->storage.fetch == PGM_FETCH_LINEAR;
+}
+
 static size_t height_bytes(const struct pgm_atlas *atlas)
 {
     switch (atlas->storage.fetch) {
     case PGM_FETCH_PACKED:
         return atlas->narrow ? 16 : 32;
     case PGM_FETCH_MIPMAP:
+    case PGM_FETCH_LINEAR:
         return 4;
     default:
         return atlas->narrow ? 2 : 4;
@@ -122,7 +128,7 @@ static void describe_levels(struct pgm_atlas *atlas, const struct terrain *terra
         if (level.max_q > high) high = level.max_q;
     }
     atlas->narrow = (int64_t)high - low <= UINT16_MAX;
-    atlas->base_q = atlas->narrow && atlas->storage.fetch != PGM_FETCH_MIPMAP ? low - INT16_MIN : 0;
+    atlas->base_q = atlas->narrow && !holds_floats(atlas) ? low - INT16_MIN : 0;
 }
 
 bool pgm_atlas_layout(struct pgm_atlas *atlas, const struct terrain *terrain,
@@ -134,6 +140,8 @@ bool pgm_atlas_layout(struct pgm_atlas *atlas, const struct terrain *terrain,
     if (storage->many && atlas->levels > PGM_TEXTURES_MAX)
         return fail("pgm: textures=many takes at most %d levels, but terrain %s has %d", PGM_TEXTURES_MAX,
                     name, atlas->levels);
+    if (storage->many && storage->fetch != PGM_FETCH_PLAIN)
+        return fail("pgm: textures=many takes fetch=plain");
     if (storage->shaded && (storage->many || storage->fetch == PGM_FETCH_MIPMAP))
         return fail("pgm: shading of its own takes fetch=plain or fetch=packed and textures=atlas");
     const struct terrain_extent *finest = &atlas->slots[0].window.extent;
@@ -218,7 +226,7 @@ void pgm_atlas_texels(const struct pgm_atlas *atlas, const struct terrain *terra
         return;
     }
     terrain_window(terrain, atlas->finest + k, box->x0, box->y0, width, height, atlas->heights, TERRAIN_WAIT);
-    if (atlas->storage.fetch == PGM_FETCH_MIPMAP)
+    if (holds_floats(atlas))
         for (size_t i = 0; i < count; i++) ((float *)atlas->texels)[i] = (float)atlas->heights[i];
     else if (atlas->narrow)
         for (size_t i = 0; i < count; i++)
@@ -263,7 +271,7 @@ struct texel_format {
 
 static struct texel_format format_of(const struct pgm_atlas *atlas)
 {
-    if (atlas->storage.fetch == PGM_FETCH_MIPMAP) return (struct texel_format){GL_R32F, GL_RED, GL_FLOAT};
+    if (holds_floats(atlas)) return (struct texel_format){GL_R32F, GL_RED, GL_FLOAT};
     if (atlas->storage.fetch == PGM_FETCH_PACKED)
         return atlas->narrow ? (struct texel_format){GL_RGBA32UI, GL_RGBA_INTEGER, GL_UNSIGNED_INT}
                              : (struct texel_format){GL_RGBA32I, GL_RGBA_INTEGER, GL_INT};
@@ -355,6 +363,9 @@ static void allocate(struct pgm_atlas *atlas)
         glTexImage2D(GL_TEXTURE_2D, 0, (GLint)format.internal, width * texels_a_sample(atlas), height, 0,
                      format.format, format.type, NULL);
         take_texels_as_they_are();
+        if (atlas->storage.fetch != PGM_FETCH_LINEAR) continue;
+        glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+        glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
     }
     if (atlas->storage.shaded) allocate_shading(atlas);
 }

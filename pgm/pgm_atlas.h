@@ -17,6 +17,7 @@ enum pgm_fetch {
     PGM_FETCH_PACKED, // the four corners of a cell and of its parent's: one fetch for the whole footprint
                       // (two where heights span more than 16 bits), eight times the memory
     PGM_FETCH_MIPMAP, // naive: the finest level in a mipmapped float texture, filtered by the hardware
+    PGM_FETCH_LINEAR, // naive: floats, filtered by the hardware across the rims of tiles
 };
 
 struct pgm_storage { // what a user chooses
@@ -42,7 +43,7 @@ struct pgm_atlas {
     int width, height;                 // texels of the one texture
     int finest;                        // level of slot 0; slot k holds level finest + k
     int levels;
-    int base_q;  // plain and packed: height in quanta = texel + base_q; mipmap: 0
+    int base_q;  // plain and packed: height in quanta = texel + base_q; floats: 0
     bool narrow; // heights in 16 bits, else 32
     int side;    // largest tile, texels
     struct pgm_slot slots[PGM_LEVELS_MAX];

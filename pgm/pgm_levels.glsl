@@ -1,5 +1,5 @@
 // Where the levels' samples are, for vertices and for fragments.  TILED: some levels are tiles about the viewer, whose
-// texels wrap.
+// texels wrap.  EDGE_CLAMPED: what lies beyond the map reads its border.
 layout(std140) uniform sampling {
     vec4 axes;               // e_f, e_r
     vec4 across;             // X of the columns in use: x X + y
@@ -22,7 +22,12 @@ cell cell_at(int level, vec2 place)
     vec2 from_eye = clamp(place * cells[level].xy + cells[level].zw, -1e9, 1e9);
     ivec4 slot = slots[level];
     ivec2 eye_cell = eyes[level].xy, corner = clamp(eye_cell + ivec2(floor(from_eye)), slot.xy, max(slot.zw - 1, slot.xy));
-    return cell(corner, clamp(from_eye - vec2(corner - eye_cell), -1.0, 2.0));
+#if defined(EDGE_CLAMPED)
+    const float beyond = 0.0;
+#else
+    const float beyond = 1.0;
+#endif
+    return cell(corner, clamp(from_eye - vec2(corner - eye_cell), -beyond, 1.0 + beyond));
 }
 
 ivec2 texel_of(int level, ivec2 corner)

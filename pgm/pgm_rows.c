@@ -55,13 +55,17 @@ struct span {
     double sine, cosine, height_m; // of the depression; h
     double fall[2], y[2];          // of its far and its near end
     double log_span, growth;       // log and growth of the fall from end to end
+    enum pgm_fall form;
     bool even; // the fall does not vary, as when looking straight down: rows are even in y
 };
 
-static struct span span_between(const struct pgm_sampler *sampler, double far_m, double near_m)
+static struct span span_between(const struct pgm_sampler *sampler, double far_m, double near_m,
+                                enum pgm_fall form)
 {
-    struct span span = {
-        .sine = sin(sampler->depression), .cosine = cos(sampler->depression), .height_m = sampler->height_m};
+    struct span span = {.sine = sin(sampler->depression),
+                        .cosine = cos(sampler->depression),
+                        .height_m = sampler->height_m,
+                        .form = form};
     const double ends[2] = {far_m, near_m};
     double t[2];
     for (int end = 0; end < 2; end++) {
@@ -83,9 +87,11 @@ static double way_at(const struct span *span, double x)
 
 static double forward_at(const struct span *span, double way, double *fall)
 {
-    // Sums of positive terms: sin A - y cos A would cancel at the horizon (numerics.md, A2).
-    *fall = span->fall[0] + way * (span->fall[1] - span->fall[0]);
     double y = span->y[0] + way * (span->y[1] - span->y[0]);
+    // Sums of positive terms: sin A - y cos A cancels at the horizon (numerics.md, A2).
+    *fall = span->form == PGM_FALL_STABLE
+                ? span->fall[0] + way * (span->fall[1] - span->fall[0])
+                : (double)((float)span->sine - (float)y * (float)span->cosine); // as a vertex program would
     return span->height_m * (span->cosine + y * span->sine) / *fall;
 }
 
@@ -251,7 +257,7 @@ void pgm_rows_fit(const struct pgm_sampler *sampler, const struct view *view, co
                   const struct pgm_settings *settings, int most_rows, struct pgm_settings *used)
 {
     double rows = settings->rows, columns = settings->columns, needed;
-    struct span span = span_between(sampler, sampler->far_m, sampler->edge_m);
+    struct span span = span_between(sampler, sampler->far_m, sampler->edge_m, settings->fall);
     if (settings->law == PGM_LAW_TARGET) {
         double counts[BINS + 1];
         rows = fmin(rows, count_target(sampler, view, world, settings, &span, counts, &needed));
@@ -263,7 +269,7 @@ void pgm_rows_fit(const struct pgm_sampler *sampler, const struct view *view, co
         columns *= sqrt(settings->share); // its columns stand where they were put
     double extra = 0;
     if (settings->strips && sampler->edge_m > sampler->near_m) {
-        struct span below = span_between(sampler, sampler->edge_m, sampler->near_m);
+        struct span below = span_between(sampler, sampler->edge_m, sampler->near_m, settings->fall);
         double step = step_at_edge(sampler, view, settings, (int)rows, &span);
         extra = ceil(clamp(fabs(below.y[1] - below.y[0]) / fmax(step, 1e-9), 1, most_rows - rows));
     }
@@ -294,7 +300,8 @@ void pgm_rows_lay(const struct pgm_sampler *sampler, const struct view *view, co
 {
     bool strips = settings->extra_rows > 0 && settings->extra_rows < settings->rows;
     int extra = strips ? settings->extra_rows : 0, own = settings->rows - extra;
-    struct span span = span_between(sampler, sampler->far_m, strips ? sampler->edge_m : sampler->near_m);
+    struct span span =
+        span_between(sampler, sampler->far_m, strips ? sampler->edge_m : sampler->near_m, settings->fall);
     struct law law = law_for(sampler, view, settings, &span);
     double counts[BINS + 1], columns;
     if (settings->law == PGM_LAW_TARGET) {
@@ -303,7 +310,7 @@ void pgm_rows_lay(const struct pgm_sampler *sampler, const struct view *view, co
     }
     lay_span(sampler, &span, &law, true, 0, own, rows);
     if (strips) {
-        struct span below = span_between(sampler, sampler->edge_m, sampler->near_m);
+        struct span below = span_between(sampler, sampler->edge_m, sampler->near_m, settings->fall);
         lay_span(sampler, &below, &law, false, own, extra, rows);
     }
     for (int j = 1; j <= settings->rows; j++) {

@@ -47,6 +47,11 @@ enum pgm_law {
     PGM_LAW_TARGET,   // by the error that the terrain's levels make at each distance, as many as it takes
 };
 enum pgm_plane { PGM_PLANE_LOWEST, PGM_PLANE_GROUND }; // sampling plane: lowest terrain, or ground at the eye
+// How far a row's ray sinks over one focal length ahead: b.
+enum pgm_fall {
+    PGM_FALL_PUBLISHED, // sin A - y cos A in float32: cancels at the horizon
+    PGM_FALL_STABLE,    // a sum of positive terms from the far end
+};
 enum pgm_lod { PGM_LOD_PUBLISHED, PGM_LOD_CEIL, PGM_LOD_FLOOR }; // Equations 6 and 7
 enum pgm_spread {
     PGM_SPREAD_FAR,
@@ -61,6 +66,7 @@ struct pgm_settings {
     enum pgm_extension extension;
     enum pgm_law law;
     enum pgm_plane plane;
+    enum pgm_fall fall;
     enum pgm_lod lod;
     enum pgm_spread spread;
     bool widening; // false: the width of the sampling camera's own frustum (the paper's), which narrows as it

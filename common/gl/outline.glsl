@@ -1,9 +1,14 @@
 // Shared by every fragment program, whatever the pass: what lies outside the map's exact outline is not drawn.
 in vec3 v_relative;
 
+// MAP_UNBOUNDED: a renderer shows what comes of drawing on beyond the map.
 bool outside_map(vec3 relative)
 {
+#if defined(MAP_UNBOUNDED)
+    return false;
+#else
     return any(lessThan(relative.xy, outline.xy)) || any(greaterThan(relative.xy, outline.zw));
+#endif
 }
 
 bool outside_map()

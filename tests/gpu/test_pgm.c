@@ -306,6 +306,63 @@ static void test_the_map_ends_at_its_outline(void **state)
     terrain_destroy(terrain);
 }
 
+// Published: what lies beyond the map reads clamped coordinates, and is drawn.
+static void test_clamped_coordinates_make_curtains(void **state)
+{
+    struct gpu *gpu = *state;
+    struct terrain *terrain = make_terrain(301, 223, NULL, 30, 0.5, 0, tilted_height);
+    const double *outline = terrain_info(terrain)->outline_m;
+    struct renderer *renderer = make_pgm(gpu, terrain, "rows=150 edge=clamped");
+    size_t drawn = 0, beyond = 0;
+    for (int yaw = 0; yaw < 360; yaw += 30) {
+        const double eye[3] = {-3000, -2500, 2500};
+        struct view view = make_view(terrain, eye, yaw, -25, 0, 60, 320, 240);
+        float *positions = draw_frame(gpu, renderer, terrain, &view, PASS_POSITION);
+        for (size_t p = 0; p < 320 * 240; p++) {
+            if (positions[4 * p + 3] == 0) continue;
+            bool outside = false;
+            for (int axis = 0; axis < 2; axis++) {
+                double x = (double)positions[4 * p + (size_t)axis] + view.eye_m[axis];
+                outside = outside || x < outline[axis] - 1 || x > outline[axis + 2] + 1;
+            }
+            drawn++;
+            beyond += outside;
+        }
+        free(positions);
+    }
+    FIGURE("A10 coordinates clamped to the map, as published: %.2g %% of the pixels drawn lie beyond it",
+           100.0 * (double)beyond / (double)drawn);
+    assert_true(beyond > 1000);
+    pgm_renderer.destroy(renderer);
+    terrain_destroy(terrain);
+}
+
+// ---- A2: the horizon -------------------------------------------------------
+
+// Ground 50 000 km wide under an eye one metre up: h / D is 2e-8.
+static void test_the_published_fall_loses_the_horizon(void **state)
+{
+    struct gpu *gpu = *state;
+    struct terrain *terrain = make_terrain(512, 512, NULL, 1e5, 0.1, 0, flat_height);
+    static const char *const forms[] = {"rows=60 law=uniform", "rows=60 law=uniform fall=published"};
+    size_t drawn[2] = {0, 0};
+    for (int k = 0; k < 2; k++) {
+        struct renderer *renderer = make_pgm(gpu, terrain, forms[k]);
+        for (int fov = 30; fov < 100; fov += 3) {
+            const double eye[3] = {2.5e7, 2.5e7, 8849.8};
+            struct view view = make_view(terrain, eye, 10, 0, 0, fov, 320, 240);
+            float *positions = draw_frame(gpu, renderer, terrain, &view, PASS_POSITION);
+            for (size_t p = 0; p < 320 * 240; p++) drawn[k] += positions[4 * p + 3] != 0;
+            free(positions);
+        }
+        pgm_renderer.destroy(renderer);
+    }
+    FIGURE("A2 sin A - y cos A as published leaves out %.2g %% of the ground's pixels at h / D = 2e-8",
+           100.0 - 100.0 * (double)drawn[1] / (double)drawn[0]);
+    assert_true(drawn[1] < drawn[0]);
+    terrain_destroy(terrain);
+}
+
 // ---- the contract ----------------------------------------------------------
 
 static void count_captured(const float *triangles, size_t count, void *user)
@@ -419,6 +476,8 @@ int main(void)
         cmocka_unit_test(test_all_visible_ground_is_covered),
         cmocka_unit_test(test_straight_down_is_nothing_special),
         cmocka_unit_test(test_the_map_ends_at_its_outline),
+        cmocka_unit_test(test_clamped_coordinates_make_curtains),
+        cmocka_unit_test(test_the_published_fall_loses_the_horizon),
         cmocka_unit_test(test_triangles_are_those_of_the_grid),
         cmocka_unit_test(test_culled_and_repeated_pictures_are_the_same),
         cmocka_unit_test(test_two_views_keep_their_own_rows),

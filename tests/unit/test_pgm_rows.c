@@ -48,6 +48,7 @@ static struct pgm_settings settings_of(int rows, int columns)
                                  .camera = PGM_CAMERA_STABLE,
                                  .extension = PGM_EXTENSION_TIGHT,
                                  .law = PGM_LAW_HALF_LOG,
+                                 .fall = PGM_FALL_STABLE,
                                  .lod = PGM_LOD_FLOOR,
                                  .spread = PGM_SPREAD_NEAR,
                                  .widening = true,

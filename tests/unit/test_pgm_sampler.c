@@ -76,6 +76,7 @@ static struct pgm_settings best_settings(int rows, int columns)
                                  .extension = PGM_EXTENSION_TIGHT,
                                  .law = PGM_LAW_HALF_LOG,
                                  .plane = PGM_PLANE_LOWEST,
+                                 .fall = PGM_FALL_STABLE,
                                  .lod = PGM_LOD_CEIL,
                                  .spread = PGM_SPREAD_FAR,
                                  .widening = true,
@@ -198,6 +199,39 @@ static void test_rows_reach_the_horizon_in_order(void **state)
     FIGURE("A2 %d row tables to h / D = 1e-8 descend strictly in float; A4 row 0 at most %.2g beyond D "
            "(bound 1e-3)",
            cases, farthest);
+}
+
+// Three roundings of numbers of about 1/2, 2^-26 each at least, are lost from a fall of h / D.
+static void test_the_published_fall_cancels_at_the_horizon(void **state)
+{
+    (void)state;
+    static struct pgm_row rows[101], stable[101];
+    const struct boxes flat = {.ground = 0};
+    struct pgm_world world = box_world(&flat, 1e6);
+    double worst[9] = {0};
+    int lost = 0, cases = 0;
+    for (int power = 1; power <= 8; power++)
+        for (int fov = 20; fov <= 120; fov++) {
+            const double eye[3] = {-1e6, 0, 2e6 * pow(10, -power)};
+            struct view view = make_view(eye, 0, 0, 0, fov * degree, 640, 480);
+            struct pgm_settings settings = best_settings(100, 100);
+            settings.law = PGM_LAW_UNIFORM;
+            struct pgm_sampler sampler;
+            pgm_sampler_aim(&sampler, &view, &world, &settings);
+            pgm_rows_lay(&sampler, &view, &world, &settings, stable);
+            settings.fall = PGM_FALL_PUBLISHED;
+            pgm_rows_lay(&sampler, &view, &world, &settings, rows);
+            for (int j = 0; j <= 100; j++) {
+                worst[power] = fmax(worst[power], fabs(rows[j].fall / stable[j].fall - 1));
+                assert_true(rows[j].level >= 0 && rows[j].level < world.levels);
+            }
+            lost += power == 8 && !(rows[0].fall > 0 && rows[0].forward_m > rows[1].forward_m);
+            cases += power == 8;
+        }
+    FIGURE("A2 sin A - y cos A in float32, relative error at h / D of 1e-2, 1e-4, 1e-6: %.2g, %.2g, %.2g; at "
+           "1e-8 the farthest row is lost in %d of %d views",
+           worst[2], worst[4], worst[6], lost, cases);
+    assert_true(worst[6] > 1e-2 && lost > 0);
 }
 
 // ---- A3: every camera ------------------------------------------------------
@@ -533,6 +567,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_relative_places_keep_their_digits),
         cmocka_unit_test(test_rows_reach_the_horizon_in_order),
+        cmocka_unit_test(test_the_published_fall_cancels_at_the_horizon),
         cmocka_unit_test(test_every_camera_is_finite),
         cmocka_unit_test(test_extension_is_exact_for_any_height),
         cmocka_unit_test(test_everything_visible_is_covered),
