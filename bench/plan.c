@@ -50,7 +50,9 @@ static bool add_sweep(struct run *run, const struct renderer_type *type, double 
 {
     const double *values = strcmp(run->options.sweep, "full") == 0 ? type->full : type->quick;
     int index = type->quality_knob ? renderer_knob_index(type, type->quality_knob) : -1;
-    if (index < 0 || !values) return add_setting(run, type, knobs);
+    int preset = type->preset_knob ? renderer_knob_index(type, type->preset_knob) : -1;
+    bool fixed = preset >= 0 && knobs[preset] != type->knobs[preset].fallback;
+    if (index < 0 || !values || fixed) return add_setting(run, type, knobs);
     for (; !isnan(*values); values++) {
         knobs[index] = *values;
         if (!add_setting(run, type, knobs)) return false;
@@ -58,7 +60,8 @@ static bool add_sweep(struct run *run, const struct renderer_type *type, double 
     return true;
 }
 
-// "name", or "name:knob=value:knob=value"; with its quality knob given, that setting alone, else a sweep.
+// "name", or "name:knob=value:knob=value"; with its quality knob or a preset given, that setting alone, else
+// a sweep.
 static bool add_spec(struct run *run, char *spec)
 {
     double knobs[RENDERER_MAX_KNOBS];
