@@ -220,6 +220,12 @@ static struct pgm_storage read_storage(const struct pgm *pgm)
                                 .most_texels = gpu_info(pgm->desc.gpu)->max_texture_size};
 }
 
+static bool is_readable(const struct pgm_storage *storage) // by the vertex program
+{
+    return !storage->many || storage->fetch == PGM_FETCH_PLAIN ||
+           fail("pgm: textures=many takes fetch=plain");
+}
+
 // Highest of all levels in a rectangle: where filtering overshoots, a coarser level stands higher than the
 // finest.
 static double highest_in(const void *user, const double rect_m[4])
@@ -393,8 +399,8 @@ static struct renderer *pgm_create(const struct renderer_desc *desc)
     pgm->desc = *desc;
     read_settings(pgm);
     struct pgm_storage storage = read_storage(pgm);
-    if (!pgm_atlas_init(&pgm->atlas, desc->gpu, desc->terrain, &storage) || !build_programs(pgm) ||
-        !upload_grid(pgm) || !init_selections(pgm)) {
+    if (!is_readable(&storage) || !pgm_atlas_init(&pgm->atlas, desc->gpu, desc->terrain, &storage) ||
+        !build_programs(pgm) || !upload_grid(pgm) || !init_selections(pgm)) {
         pgm_destroy(&pgm->renderer);
         return NULL;
     }

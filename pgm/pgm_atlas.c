@@ -140,8 +140,6 @@ bool pgm_atlas_layout(struct pgm_atlas *atlas, const struct terrain *terrain,
     if (storage->many && atlas->levels > PGM_TEXTURES_MAX)
         return fail("pgm: textures=many takes at most %d levels, but terrain %s has %d", PGM_TEXTURES_MAX,
                     name, atlas->levels);
-    if (storage->many && storage->fetch != PGM_FETCH_PLAIN)
-        return fail("pgm: textures=many takes fetch=plain");
     if (storage->shaded && (storage->many || storage->fetch == PGM_FETCH_MIPMAP))
         return fail("pgm: shading of its own takes fetch=plain or fetch=packed and textures=atlas");
     const struct terrain_extent *finest = &atlas->slots[0].window.extent;

@@ -138,6 +138,21 @@ static void test_tiles_at_rest_give_the_same_heights(void **state)
     terrain_destroy(terrain);
 }
 
+static void test_many_textures_hold_plain_texels(void **state)
+{
+    struct terrain *terrain = make_terrain(64, 64, NULL, 30, 0.5, 0, hilly_height);
+    struct renderer_desc desc = {
+        .gpu = *state, .terrain = terrain, .effects = &common_effects, .width = 320, .height = 240};
+    static const char *const others[] = {"packed", "mipmap", "linear"};
+    for (size_t k = 0; k < 3; k++) {
+        renderer_default_knobs(&pgm_renderer, desc.knobs);
+        assert_true(renderer_parse_knob(&pgm_renderer, "textures", "many", desc.knobs));
+        assert_true(renderer_parse_knob(&pgm_renderer, "fetch", others[k], desc.knobs));
+        assert_null(pgm_renderer.create(&desc));
+    }
+    terrain_destroy(terrain);
+}
+
 // ---- A11, A12 --------------------------------------------------------------
 
 static int32_t ramp_height(int i, int j)
@@ -310,6 +325,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_every_texel_gives_the_same_heights),
         cmocka_unit_test(test_tiles_at_rest_give_the_same_heights),
+        cmocka_unit_test(test_many_textures_hold_plain_texels),
         cmocka_unit_test(test_every_texel_lies_where_its_sample_does),
         cmocka_unit_test(test_tiles_do_not_bleed),
         cmocka_unit_test(test_cascades_in_four_mebibytes),
