@@ -244,6 +244,7 @@ static bool draw_passes(struct measure *measure, struct run *run, struct setting
     record->draw_calls = (double)counted.draw_calls;
     record->upload_bytes = (double)counted.upload_bytes;
     if (stats.resident_bytes > setting->resident_bytes) setting->resident_bytes = stats.resident_bytes;
+    record->claimed_px = stats.claimed_error_px;
     if (!(setting->claimed_px >= stats.claimed_error_px)) setting->claimed_px = stats.claimed_error_px;
     for (int c = 0; c < RENDERER_MAX_COUNTERS && stats.counters[c].name; c++) {
         setting->counters[c].name = stats.counters[c].name;
@@ -334,7 +335,8 @@ static bool record_errors(struct measure *measure, struct run *run, struct setti
     record->order_mismatches = (double)error->order_mismatches;
     record->order_beyond_grid =
         setting->type == &brute_renderer ? (double)order_beyond_grid(measure) : (double)NAN;
-    if (!isnan(claimed_px) && certain_error_px(error) > claimed_px + 1e-3)
+    record->error_px_certain = certain_error_px(error);
+    if (!isnan(claimed_px) && record->error_px_certain > claimed_px + 1e-3)
         setting->claim_broken_frames++; // 1e-3 px: the method's floor
     keep_snapshots(measure, setting, i, summary.p999);
     return true;
@@ -358,9 +360,9 @@ static void blank_errors(struct setting *setting)
         struct frame_record *record = &setting->records[i];
         record->generated_triangles = record->clipped_triangles = record->roofline_ms = record->triangles =
             record->visible_triangles = record->draw_calls = record->upload_bytes = record->error_px_mean =
-                record->error_px_p999 = record->error_px_max = record->temporal_px_p999 = record->ground =
-                    record->holes = record->misses = record->spills = record->order_mismatches =
-                        record->order_beyond_grid = NAN;
+                record->error_px_p999 = record->error_px_max = record->temporal_px_p999 = record->claimed_px =
+                    record->error_px_certain = record->ground = record->holes = record->misses =
+                        record->spills = record->order_mismatches = record->order_beyond_grid = NAN;
     }
 }
 

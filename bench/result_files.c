@@ -61,23 +61,28 @@ static int csv_cell(char *out, size_t size, double value)
     return isfinite(value) ? snprintf(out, size, ",%.9g", value) : snprintf(out, size, ",");
 }
 
+double frame_tightness(const struct frame_record *record)
+{
+    return record->error_px_certain > 0 ? record->claimed_px / record->error_px_certain : (double)NAN;
+}
+
 bool result_write_csv(const struct setting *setting, const char *folder)
 {
     static const char head[] =
         "frame,frame_ms,update_ms,draw_ms,wall_ms,worker_ms,roofline_ms,triangles,visible_triangles,"
         "draw_calls,upload_bytes,error_px_mean,error_px_p999,error_px_max,holes,misses,spills,"
-        "temporal_px_p999\n";
+        "temporal_px_p999,claimed_px,tightness\n";
     size_t size = sizeof head + (size_t)setting->frame_count * 512, length = sizeof head - 1;
     char *text = malloc(size), path[1024];
     if (!text) return fail("out of memory");
     memcpy(text, head, sizeof head);
     for (int i = 0; i < setting->frame_count; i++) {
         const struct frame_record *r = &setting->records[i];
-        const double cells[] = {r->frame_ms,        r->update_ms,    r->draw_ms,       r->wall_ms,
-                                r->worker_ms,       r->roofline_ms,  r->triangles,     r->visible_triangles,
-                                r->draw_calls,      r->upload_bytes, r->error_px_mean, r->error_px_p999,
-                                r->error_px_max,    r->holes,        r->misses,        r->spills,
-                                r->temporal_px_p999};
+        const double cells[] = {r->frame_ms,         r->update_ms,    r->draw_ms,        r->wall_ms,
+                                r->worker_ms,        r->roofline_ms,  r->triangles,      r->visible_triangles,
+                                r->draw_calls,       r->upload_bytes, r->error_px_mean,  r->error_px_p999,
+                                r->error_px_max,     r->holes,        r->misses,         r->spills,
+                                r->temporal_px_p999, r->claimed_px,   frame_tightness(r)};
         length += (size_t)snprintf(text + length, size - length, "%d", setting->frames[i]);
         for (int c = 0; c < COUNT(cells); c++)
             length += (size_t)csv_cell(text + length, size - length, cells[c]);

@@ -23,6 +23,10 @@ void result_add_machine(cJSON *root, const struct gpu_info *info);
 // Writes a whole text file under a temporary name and renames it.
 bool result_write_text(const char *path, const char *text);
 
+// A frame's claim over its error, as far as that is certain: below 1 the claim is broken.  NAN where nothing
+// is claimed, measured or off.
+double frame_tightness(const struct frame_record *record);
+
 // frames/<slug>.csv: one line a frame; an empty cell was not measured.
 bool result_write_csv(const struct setting *setting, const char *folder);
 

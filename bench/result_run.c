@@ -127,6 +127,36 @@ static void add_coverage(cJSON *run_json, const char *key, const struct setting 
     result_add_number(json, "share", total / (mean_of(setting, get_ground) * setting->frame_count));
 }
 
+// Over the frames that claim a bound and err at all: the others have no such ratio.
+static double add_tightness(cJSON *run_json, const struct setting *setting)
+{
+    double sum = 0, least = INFINITY;
+    int count = 0;
+    for (int i = 0; setting->measured && i < setting->frame_count; i++) {
+        double tightness = frame_tightness(&setting->records[i]);
+        if (!isfinite(tightness)) continue;
+        sum += tightness;
+        least = fmin(least, tightness);
+        count++;
+    }
+    cJSON *json = cJSON_AddObjectToObject(run_json, "tightness");
+    result_add_number(json, "mean", sum / count);
+    result_add_number(json, "min", least);
+    return sum / count;
+}
+
+// Mean over the frames; null until every frame was measured.
+static void add_counters(cJSON *run_json, const struct setting *setting)
+{
+    if (!setting->measured) {
+        cJSON_AddNullToObject(run_json, "counters");
+        return;
+    }
+    cJSON *json = cJSON_AddObjectToObject(run_json, "counters");
+    for (int c = 0; c < RENDERER_MAX_COUNTERS && setting->counters[c].name; c++)
+        result_add_number(json, setting->counters[c].name, setting->counters[c].value / setting->frame_count);
+}
+
 // Whether the pipeline counted the renderer's own number of triangles in every frame; null when not measured.
 static void add_confirmed(cJSON *run_json, const struct setting *setting)
 {
@@ -153,7 +183,8 @@ static void add_setting_json(cJSON *run_json, const struct setting *setting)
     }
 }
 
-static void add_reasons(cJSON *run_json, const struct run *run, const struct setting *setting)
+static void add_reasons(cJSON *run_json, const struct run *run, const struct setting *setting,
+                        double tightness)
 {
     cJSON *reasons = cJSON_AddObjectToObject(run_json, "reasons");
     if (run->cpu_times) {
@@ -165,19 +196,21 @@ static void add_reasons(cJSON *run_json, const struct run *run, const struct set
     if (run->options.repeats < 3) cJSON_AddStringToObject(reasons, "ci95", "fewer than 3 repeats");
     if (!setting->repeats_done)
         cJSON_AddStringToObject(reasons, "frame_ms", "interrupted before a flight was complete");
-    if (isnan(setting->claimed_px)) {
-        cJSON_AddStringToObject(reasons, "claimed_px", "this method claims no bound");
-        cJSON_AddStringToObject(reasons, "claim_broken_frames", "this method claims no bound");
-    }
     const char *unmeasured = setting->type == &null_renderer ? "draws nothing: the cost of the harness alone"
                              : setting->measured             ? NULL
                                                              : "interrupted before its frames were measured";
     static const char *const measures[] = {
-        "error_px",   "plane_px",     "temporal_px",    "roofline_ms", "steadiness",
-        "holes",      "misses",       "spills",         "triangles",   "visible_triangles",
-        "draw_calls", "upload_bytes", "pictures_sha256"};
+        "error_px",   "plane_px",     "temporal_px",     "roofline_ms", "steadiness",
+        "holes",      "misses",       "spills",          "triangles",   "visible_triangles",
+        "draw_calls", "upload_bytes", "pictures_sha256", "counters"};
     for (int m = 0; unmeasured && m < COUNT(measures); m++)
         cJSON_AddStringToObject(reasons, measures[m], unmeasured);
+    const char *unpromised = unmeasured                   ? unmeasured
+                             : isnan(setting->claimed_px) ? "this method claims no bound"
+                                                          : NULL;
+    static const char *const promises[] = {"claimed_px", "claim_broken_frames", "tightness"};
+    for (int p = isnan(setting->claimed_px) ? 0 : 1; unpromised && p < COUNT(promises); p++)
+        cJSON_AddStringToObject(reasons, promises[p], unpromised);
     if (setting->few_frames)
         cJSON_AddStringToObject(reasons, "frames",
                                 "drawn so slowly that it flies few frames, spread over the path");
@@ -188,6 +221,8 @@ static void add_reasons(cJSON *run_json, const struct run *run, const struct set
         cJSON_AddStringToObject(reasons, "temporal_px",
                                 "no ground was drawn in two frames that follow each other");
     if (setting->error_px.count == 0) cJSON_AddStringToObject(reasons, "error_px", "no pixel to measure");
+    if (!unpromised && isnan(tightness))
+        cJSON_AddStringToObject(reasons, "tightness", "no pixel of any frame is off: there is no ratio");
 }
 
 cJSON *result_pictures(const struct setting *setting)
@@ -257,6 +292,7 @@ cJSON *result_run(const struct run *run, struct setting *setting, struct result_
     result_add_number(json, "claim_broken_frames",
                       isnan(setting->claimed_px) || !setting->measured ? (double)NAN
                                                                        : setting->claim_broken_frames);
+    double tightness = add_tightness(json, setting);
     add_coverage(json, "holes", setting, get_holes);
     add_coverage(json, "misses", setting, get_misses);
     add_coverage(json, "spills", setting, get_spills);
@@ -264,10 +300,7 @@ cJSON *result_run(const struct run *run, struct setting *setting, struct result_
     cJSON *temporal_json = cJSON_AddObjectToObject(json, "temporal_px");
     result_add_number(temporal_json, "p999", temporal.samples ? temporal.p999 : (double)NAN);
     result_add_number(temporal_json, "max", temporal.samples ? temporal.max : (double)NAN);
-    cJSON *counters = cJSON_AddObjectToObject(json, "counters");
-    for (int c = 0; c < RENDERER_MAX_COUNTERS && setting->counters[c].name; c++)
-        result_add_number(counters, setting->counters[c].name,
-                          setting->counters[c].value / setting->frame_count);
+    add_counters(json, setting);
     if (setting->measured)
         cJSON_AddStringToObject(json, "pictures_sha256", setting->pictures_sha256);
     else
@@ -275,6 +308,6 @@ cJSON *result_run(const struct run *run, struct setting *setting, struct result_
     snprintf(path, sizeof path, "frames/%s.csv", setting->slug);
     cJSON_AddStringToObject(json, "frames_csv", path);
     cJSON_AddArrayToObject(json, "pictures"); // filled for the settings that the report shows
-    add_reasons(json, run, setting);
+    add_reasons(json, run, setting, tightness);
     return json;
 }

@@ -90,6 +90,21 @@ static void path_hash(const struct run *run, char hex[65])
     free(cameras);
 }
 
+// Mean way of the eye from frame to frame; NAN with one frame.
+static double path_step_m(const struct run *run)
+{
+    double sum_m = 0;
+    struct camera last = path_camera(run->scene->path, 0, run->frames);
+    for (int f = 1; f < run->frames; f++) {
+        struct camera camera = path_camera(run->scene->path, f, run->frames);
+        double x = camera.eye_m[0] - last.eye_m[0], y = camera.eye_m[1] - last.eye_m[1],
+               z = camera.eye_m[2] - last.eye_m[2];
+        sum_m += sqrt(x * x + y * y + z * z);
+        last = camera;
+    }
+    return run->frames > 1 ? sum_m / (run->frames - 1) : (double)NAN;
+}
+
 static void add_scene(cJSON *root, const struct run *run)
 {
     const struct scene *scene = run->scene;
@@ -120,6 +135,7 @@ static void add_scene(cJSON *root, const struct run *run)
     cJSON_AddStringToObject(json, "name", scene->name);
     cJSON_AddNumberToObject(json, "frames", run->frames);
     cJSON_AddStringToObject(json, "sha256", hex);
+    result_add_number(json, "step_m", path_step_m(run));
 }
 
 static void add_method(cJSON *root, const struct run *run)

@@ -43,6 +43,8 @@ struct frame_record {
     double generated_triangles,
         clipped_triangles; // as the pipeline counted: submitted, and left after clipping
     double error_px_mean, error_px_p999, error_px_max, temporal_px_p999;
+    double claimed_px;       // what the method promised for this frame; NAN: nothing
+    double error_px_certain; // the largest error that pixel centres can prove: what a claim is held against
     double ground, holes, misses, spills, order_mismatches, order_beyond_grid;
 };
 
