@@ -10,15 +10,16 @@
 #include <string.h>
 #include <sys/stat.h>
 
-static const char *const figure_names[FIGURE_COUNT] = {"frontier", "path", "triangles"};
+static const char *const figure_names[FIGURE_COUNT] = {"frontier", "path", "motion", "triangles"};
 static const char *const figure_titles[FIGURE_COUNT] = {
     "Error on the screen against frame time, one curve a renderer",
     "Frame time and error over the path, one line a renderer",
+    "How far drawn ground moves from frame to frame, one line a renderer",
     "Error on the screen against visible triangles, one curve a renderer",
 };
 
 // Where axes stand on the canvas, in pixels.
-enum { LEFT = 108, RIGHT = PLOT_WIDTH - 30, TOP = 48, BELOW = 72, PATH_HEIGHT = 620 };
+enum { LEFT = 108, RIGHT = PLOT_WIDTH - 30, TOP = 48, BELOW = 72, PATH_HEIGHT = 620, MOTION_HEIGHT = 400 };
 #define ONE_PIXEL_ACROSS "set arrow from graph 0,first 1 to graph 1,first 1 nohead lc rgb '#999999' lw 1.2\n"
 
 // ---- curves: the frontier, and error against triangles ------------------------------------------
@@ -247,32 +248,34 @@ static bool write_curves(const struct report *report, enum report_figure figure,
 // ---- over the path ------------------------------------------------------------------------------
 
 enum { FRAME, FRAME_MS, FRAME_ERROR, FRAME_COLUMNS };
-static const char *const frame_columns[FRAME_COLUMNS] = {"frame", "frame_ms", "error_px_p999"};
+static const char *const path_columns[FRAME_COLUMNS] = {"frame", "frame_ms", "error_px_p999"};
+enum { MOTION_PX = 1, MOTION_COLUMNS };
+static const char *const motion_columns[MOTION_COLUMNS] = {"frame", "temporal_px_p999"};
 
-struct path_axes {
-    struct axis frames, ms, error;
-};
+static bool shows(const struct axis *axis, double value)
+{
+    return isfinite(value) && (!axis->logarithmic || value > 0);
+}
 
-// Adds a renderer's frames as a block; false when it has none that could be drawn.
-static bool add_path_block(const struct report *report, const struct report_renderer *renderer,
-                           struct text *data, struct path_axes *axes)
+// Adds a renderer's frames as a block, an axis a column, frame numbers first; false when it has none that
+// could be drawn.
+static bool add_frames(const struct report *report, const struct report_renderer *renderer,
+                       const char *const *columns, int count, struct axis *axes, struct text *data)
 {
     double *values;
     bool any = false;
     if (renderer->role != ROLE_METHOD || !renderer->shown) return false;
-    int rows = report_csv(report, json_text(renderer->shown->json, "frames_csv"), frame_columns,
-                          FRAME_COLUMNS, &values);
+    int rows = report_csv(report, json_text(renderer->shown->json, "frames_csv"), columns, count, &values);
     for (int row = 0; row < rows; row++) {
-        const double *cells = values + row * FRAME_COLUMNS;
-        bool drawn = isfinite(cells[FRAME]) && (isfinite(cells[FRAME_MS]) || cells[FRAME_ERROR] > 0);
-        if (!drawn) continue;
+        const double *cells = values + row * count;
+        bool drawn = false;
+        for (int c = 1; c < count; c++) drawn = drawn || shows(&axes[c], cells[c]);
+        if (!drawn || !isfinite(cells[FRAME])) continue;
         any = true;
-        axis_include(&axes->frames, cells[FRAME]);
-        axis_include(&axes->ms, cells[FRAME_MS]);
-        axis_include(&axes->error, cells[FRAME_ERROR]);
-        plot_add_value(data, cells[FRAME]);
-        plot_add_value(data, cells[FRAME_MS]);
-        plot_add_value(data, cells[FRAME_ERROR] > 0 ? cells[FRAME_ERROR] : (double)NAN);
+        for (int c = 0; c < count; c++) {
+            axis_include(&axes[c], cells[c]);
+            plot_add_value(data, shows(&axes[c], cells[c]) ? cells[c] : (double)NAN);
+        }
         text_add(data, "\n");
     }
     free(values);
@@ -280,62 +283,93 @@ static bool add_path_block(const struct report *report, const struct report_rend
     return any;
 }
 
-static void add_path_lines(const struct report *report, const bool *drawn, int column, struct text *script)
+// Adds every renderer's frames; drawn[] tells which have any.
+static bool add_all_frames(const struct report *report, const char *const *columns, int count,
+                           struct axis *axes, bool *drawn, struct text *data)
+{
+    bool any = false;
+    text_add(data, "#");
+    for (int c = 0; c < count; c++) text_add(data, " %s", columns[c]);
+    text_add(data, "; one block a renderer\n");
+    for (int i = 0; i < report->renderer_count; i++) {
+        drawn[i] = add_frames(report, &report->renderers[i], columns, count, axes, data);
+        any = any || drawn[i];
+    }
+    if (!(axes[FRAME].high > axes[FRAME].low)) axes[FRAME].high = axes[FRAME].low + 1;
+    return any;
+}
+
+static void add_frame_lines(const struct report *report, enum report_figure figure, const bool *drawn,
+                            int column, struct text *script)
 {
     const char *opening = "plot ";
     for (int i = 0, block = 0; i < report->renderer_count; i++) {
         if (!drawn[i]) continue;
         text_add(script,
-                 "%s'path.dat' index %d using 1:%d with linespoints lw 2 pt %d ps 0.45 lc rgb '%s' title ",
-                 opening, block++, column, report->renderers[i].mark, report->renderers[i].colour);
+                 "%s'%s.dat' index %d using 1:%d with linespoints lw 2 pt %d ps 0.45 lc rgb '%s' title ",
+                 opening, figure_names[figure], block++, column, report->renderers[i].mark,
+                 report->renderers[i].colour);
         plot_add_quoted(script, report->renderers[i].shown->name);
         opening = ", \\\n  ";
     }
     text_add(script, "\n");
 }
 
+static const char frame_label[] = "set format x '%g'\nset xlabel 'frame of the path' offset 0,0.3\n";
+
 // Two panels over the same frames: time above, error below; one of them alone when the other has no numbers.
-static void write_panels(const struct report *report, const bool *drawn, struct path_axes *axes,
+static void write_panels(const struct report *report, const bool *drawn, struct axis *axes,
                          struct text *script)
 {
-    bool has_ms = axis_pad(&axes->ms, 0), has_error = axis_pad(&axes->error, 0.06);
+    struct axis *ms = &axes[FRAME_MS], *error = &axes[FRAME_ERROR];
+    bool has_ms = axis_pad(ms, 0), has_error = axis_pad(error, 0.06);
     double height = PATH_HEIGHT, floor_px = height - BELOW, middle = has_ms && has_error ? 305 : floor_px;
-    const char *frame_label = "set format x '%g'\nset xlabel 'frame of the path' offset 0,0.3\n";
-    axes->ms.logarithmic =
-        axes->ms.low > 0 && axes->ms.high > 8 * axes->ms.low; // the fast would lie on the floor
-    if (!axes->ms.logarithmic) axes->ms.low = 0;
-    axis_pad(&axes->ms, 0.08);
-    if (!(axes->frames.high > axes->frames.low)) axes->frames.high = axes->frames.low + 1;
+    ms->logarithmic = ms->low > 0 && ms->high > 8 * ms->low; // the fast would lie on the floor
+    if (!ms->logarithmic) ms->low = 0;
+    axis_pad(ms, 0.08);
     text_add(script, "set multiplot\n");
     if (has_ms) {
-        struct plot plot = {LEFT, RIGHT, TOP, middle, height, axes->frames, axes->ms};
+        struct plot plot = {LEFT, RIGHT, TOP, middle, height, axes[FRAME], *ms};
         plot_add_axes(script, &plot);
         text_add(script, "%sset ylabel 'frame time (ms)'\n", has_error ? "set format x ''\n" : frame_label);
-        add_path_lines(report, drawn, 2, script);
+        add_frame_lines(report, FIGURE_PATH, drawn, 1 + FRAME_MS, script);
         text_add(script, "unset key\n");
     }
     if (has_error) {
-        struct plot plot = {LEFT,         RIGHT,      has_ms ? middle + 24 : TOP, floor_px, height,
-                            axes->frames, axes->error};
+        struct plot plot = {LEFT, RIGHT, has_ms ? middle + 24 : TOP, floor_px, height, axes[FRAME], *error};
         plot_add_axes(script, &plot);
         text_add(script, "%sset ylabel 'error, p99.9 (px)'\n", frame_label);
         if (axis_shows(&plot.y, 1)) text_add(script, ONE_PIXEL_ACROSS);
-        add_path_lines(report, drawn, 3, script);
+        add_frame_lines(report, FIGURE_PATH, drawn, 1 + FRAME_ERROR, script);
     }
     text_add(script, "unset multiplot\n");
 }
 
 static bool write_path(const struct report *report, struct text *script, struct text *data)
 {
-    struct path_axes axes = {axis_empty(false), axis_empty(false), axis_empty(true)};
-    bool *drawn = calloc((size_t)report->renderer_count + 1, sizeof *drawn), any = false;
-    text_add(data, "# frame  frame_ms  error_px_p999; one block a renderer\n");
-    for (int i = 0; drawn && i < report->renderer_count; i++) {
-        drawn[i] = add_path_block(report, &report->renderers[i], data, &axes);
-        any = any || drawn[i];
-    }
+    struct axis axes[FRAME_COLUMNS] = {axis_empty(false), axis_empty(false), axis_empty(true)};
+    bool *drawn = calloc((size_t)report->renderer_count + 1, sizeof *drawn);
+    bool any = drawn && add_all_frames(report, path_columns, FRAME_COLUMNS, axes, drawn, data);
     plot_add_opening(script, figure_names[FIGURE_PATH], figure_titles[FIGURE_PATH], PATH_HEIGHT);
-    if (any) write_panels(report, drawn, &axes, script);
+    if (any) write_panels(report, drawn, axes, script);
+    free(drawn);
+    return any;
+}
+
+static bool write_motion(const struct report *report, struct text *script, struct text *data)
+{
+    struct axis axes[MOTION_COLUMNS] = {axis_empty(false), axis_empty(true)};
+    bool *drawn = calloc((size_t)report->renderer_count + 1, sizeof *drawn);
+    bool any = drawn && add_all_frames(report, motion_columns, MOTION_COLUMNS, axes, drawn, data);
+    plot_add_opening(script, figure_names[FIGURE_MOTION], figure_titles[FIGURE_MOTION], MOTION_HEIGHT);
+    if (any && axis_pad(&axes[MOTION_PX], 0.06)) {
+        struct plot plot = {LEFT,        RIGHT,          TOP, MOTION_HEIGHT - BELOW, MOTION_HEIGHT,
+                            axes[FRAME], axes[MOTION_PX]};
+        plot_add_axes(script, &plot);
+        text_add(script, "%sset ylabel 'moved, p99.9 (px)'\n", frame_label);
+        if (axis_shows(&plot.y, 1)) text_add(script, ONE_PIXEL_ACROSS);
+        add_frame_lines(report, FIGURE_MOTION, drawn, 1 + MOTION_PX, script);
+    }
     free(drawn);
     return any;
 }
@@ -354,8 +388,9 @@ bool report_draw_figures(const struct report *report, struct report_figures *fig
                     strerror(errno));
     for (int figure = 0; good && figure < FIGURE_COUNT; figure++) {
         struct text script = {0}, data = {0};
-        bool any = figure == FIGURE_PATH ? write_path(report, &script, &data)
-                                         : write_curves(report, figure, &script, &data);
+        bool any = figure == FIGURE_PATH     ? write_path(report, &script, &data)
+                   : figure == FIGURE_MOTION ? write_motion(report, &script, &data)
+                                             : write_curves(report, figure, &script, &data);
         if (any)
             good = plot_draw(folder, figure_names[figure], figure_titles[figure], &script, &data,
                              &figures->svg[figure], &figures->gnuplot_found);

@@ -237,6 +237,15 @@ static void add_body(const struct report *report, const struct report_figures *f
     add_figure(figures, FIGURE_PATH,
                "The same frames, by number, for everyone; lower is better. Grey: one pixel.", page);
     report_steadiness(report, page);
+    text_add(page, "<h3>Popping and swimming</h3>\n");
+    add_figure(
+        figures, FIGURE_MOTION,
+        "How far drawn ground moves on the screen from one frame to the next, the camera\u2019s motion "
+        "taken out, at the same settings; lower is better. Popping shows as peaks, swimming as a level. "
+        "A frame has no point where nothing moved or where the frame before was not flown. Grey: one "
+        "pixel.",
+        page);
+    report_motion(report, page);
     text_add(page, "</section>\n<section id=\"triangles\"><h2>Error against triangles</h2>\n");
     add_correlations(report, page);
     add_captioned(report, figures, FIGURE_TRIANGLES,

@@ -37,10 +37,12 @@ static const char *const expected_fields[] = {
     "plane_px",
     "claimed_px",
     "claim_broken_frames",
+    "tightness",
     "holes",
     "misses",
     "spills",
     "temporal_px",
+    "counters",
     "frames_csv",
 };
 
@@ -57,6 +59,7 @@ static const char *recorded_reason(const cJSON *reasons, const char *field, size
 // Figures that are made of others: what they are made of explains them, too.
 static const char *const made_of[][2] = {
     {"claim_broken_frames", "claimed_px"},
+    {"tightness", "claimed_px"},
     {"steadiness", "roofline_ms"},
     {"plane_px", "error_px"},
     {"fps", "frame_ms"},
@@ -74,7 +77,9 @@ static const char *reason_of(const cJSON *run, const char *field)
     for (size_t i = 0; !reason && i < sizeof made_of / sizeof made_of[0]; i++)
         if (strcmp(field, made_of[i][0]) == 0)
             reason = recorded_reason(reasons, made_of[i][1], strlen(made_of[i][1]));
-    return reason ? reason : "no reason was recorded";
+    if (reason) return reason;
+    bool absent = !field[parent] && !cJSON_HasObjectItem(run, field);
+    return absent ? "these results were written without it" : "no reason was recorded";
 }
 
 static void add_missing(struct missing_list *list, int run, const cJSON *json, const char *field)
@@ -116,7 +121,8 @@ static void find_missing(struct missing_list *list, int run, const cJSON *json)
     for (size_t i = 0; i < sizeof expected_fields / sizeof expected_fields[0]; i++) {
         const char *name = expected_fields[i];
         const cJSON *value = json_at(json, name);
-        if (!value || is_empty_summary(value))
+        bool counts_nothing = cJSON_IsObject(value) && !value->child && strcmp(name, "counters") == 0;
+        if (!value || (is_empty_summary(value) && !counts_nothing))
             add_missing(list, run, json, name);
         else if (cJSON_IsObject(value))
             for (child = json_first(value); child; child = child->next) {

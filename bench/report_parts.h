@@ -124,7 +124,7 @@ void report_verdict(const struct report *report, struct text *page);
 
 // ---- report_figures.c (with report_plot.h): DIR/figures/NAME.{dat,gp,svg} -----------------------
 
-enum report_figure { FIGURE_FRONTIER, FIGURE_PATH, FIGURE_TRIANGLES, FIGURE_COUNT };
+enum report_figure { FIGURE_FRONTIER, FIGURE_PATH, FIGURE_MOTION, FIGURE_TRIANGLES, FIGURE_COUNT };
 
 struct report_figures {
     struct text svg[FIGURE_COUNT]; // ready to stand inside HTML; empty: not drawn
@@ -141,6 +141,7 @@ void report_figures_finish(struct report_figures *figures);
 
 void report_equal_tables(const struct report *report, struct text *page);
 void report_steadiness(const struct report *report, struct text *page);
+void report_motion(const struct report *report, struct text *page); // popping and swimming
 void report_run_tables(const struct report *report, struct text *page);
 void report_missing(const struct report *report, struct text *page); // every null and its reason
 void report_pictures(const struct report *report, struct text *page);

@@ -144,7 +144,7 @@ void report_equal_tables(const struct report *report, struct text *page)
 
 // ---- tables of runs -----------------------------------------------------------------------------
 
-enum kind { NUMBER, TIME, WHOLE, BYTES, PERCENT, INTERVAL, CLAIM, ROOFLINE, COUNTERS };
+enum kind { NUMBER, TIME, WHOLE, BYTES, PERCENT, INTERVAL, CLAIM, ROOFLINE };
 
 struct column {
     const char *heading, *unit, *value; // value: dotted name in the run
@@ -188,6 +188,8 @@ static const struct column error_columns[] = {
 static const struct column promise_columns[] = {
     {"claimed", "px", "claimed_px", CLAIM, "largest error that the method itself promises"},
     {"broken", "frames", "claim_broken_frames", WHOLE, "frames whose error exceeds the claim"},
+    {"tightness", "mean", "tightness.mean", NUMBER, "claimed over measured error, mean over frames"},
+    {"", "least", "tightness.min", NUMBER, "claimed over measured error in the frame that comes nearest"},
     {"holes", "pixels", "holes.total", WHOLE,
      "undrawn ground inside the terrain, all frames together: a defect"},
     {"misses", "pixels", "misses.total", WHOLE, "undrawn ground at the skyline, all frames together"},
@@ -211,11 +213,6 @@ static const struct column work_columns[] = {
     {NULL, NULL, NULL, NUMBER, NULL},
 };
 
-static const struct column counter_columns[] = {
-    {"mean over the frames", "", "counters", COUNTERS, "figures of the method's own"},
-    {NULL, NULL, NULL, NUMBER, NULL},
-};
-
 // A number, or what stands for the whole where the value is a summary: its median, else its mean.
 static double run_value(const cJSON *run, const char *name)
 {
@@ -233,11 +230,17 @@ static double roofline_ratio(const cJSON *run)
                            : json_number(run, "draw_ms.median") / json_number(run, "roofline_ms.median");
 }
 
+// A method that was measured and promised nothing; one that was not measured may have had something to
+// promise.
+static bool claims_none(const cJSON *run)
+{
+    return isnan(json_number(run, "claimed_px")) && isfinite(json_number(run, "error_px.p999"));
+}
+
 static bool measured(const cJSON *run, const struct column *column)
 {
     if (column->kind == CLAIM) return true;
     if (column->kind == INTERVAL) return cJSON_IsArray(json_at(run, column->value));
-    if (column->kind == COUNTERS) return cJSON_GetArraySize(json_at(run, column->value)) > 0;
     if (column->kind == ROOFLINE) return isfinite(roofline_ratio(run));
     return isfinite(run_value(run, column->value));
 }
@@ -261,26 +264,11 @@ static void add_interval(const cJSON *interval, struct text *page)
         text_add(page, "\u2013");
 }
 
-static void add_counters(const cJSON *counters, struct text *page)
-{
-    const cJSON *counter;
-    char number[NUMBER_TEXT];
-    int written = 0;
-    if (!cJSON_IsObject(counters))
-        text_add(page, "\u2013");
-    else
-        for (counter = json_first(counters); counter; counter = counter->next) {
-            if (written++) text_add(page, " \u00b7 ");
-            text_add_escaped(page, counter->string);
-            text_add(page, " %s", number_text(json_number(counter, ""), number));
-        }
-}
-
 static void add_cell(const cJSON *run, const struct column *column, struct text *page)
 {
     char number[NUMBER_TEXT];
     double value = run_value(run, column->value);
-    text_add(page, column->kind == COUNTERS ? "<td class=\"word long\">" : "<td>");
+    text_add(page, "<td>");
     switch (column->kind) {
     case NUMBER:
         text_add(page, "%s", number_text(value, number));
@@ -304,13 +292,10 @@ static void add_cell(const cJSON *run, const struct column *column, struct text 
         add_interval(json_at(run, column->value), page);
         break;
     case CLAIM:
-        text_add(page, "%s", isfinite(value) ? number_text(value, number) : "none");
+        text_add(page, "%s", claims_none(run) ? "none" : number_text(value, number));
         break;
     case ROOFLINE:
         text_add(page, "%s", number_text(roofline_ratio(run), number));
-        break;
-    case COUNTERS:
-        add_counters(json_at(run, column->value), page);
         break;
     }
     text_add(page, "</td>");
@@ -325,8 +310,7 @@ static void add_run_table(const struct report *report, const char *title, const 
         title);
     for (const struct column *column = columns; column->heading; column++)
         if (column_shown(report, column))
-            text_add(page, "<th%s title=\"%s\">%s<small>%s</small></th>",
-                     column->kind == COUNTERS ? " class=\"word\"" : "", column->meaning, column->heading,
+            text_add(page, "<th title=\"%s\">%s<small>%s</small></th>", column->meaning, column->heading,
                      column->unit);
     text_add(page, "</tr></thead><tbody>");
     for (int i = 0; i < report->run_count; i++) {
@@ -341,6 +325,74 @@ static void add_run_table(const struct report *report, const char *title, const 
     text_add(page, "</tbody></table></div>\n");
 }
 
+// ---- what the methods counted -------------------------------------------------------------------
+
+enum { COUNTER_NAMES = 32 };
+
+// Names of all counters that a renderer's runs have, in their own order.  Returns how many.
+static int counter_names(const struct report *report, int renderer, const char *names[COUNTER_NAMES])
+{
+    int count = 0;
+    for (int i = 0; i < report->run_count; i++) {
+        if (report->runs[i].renderer != renderer) continue;
+        const cJSON *counter = json_first(json_at(report->runs[i].json, "counters"));
+        for (; counter; counter = counter->next) {
+            int k = 0;
+            while (k < count && counter->string && strcmp(names[k], counter->string) != 0) k++;
+            if (counter->string && k == count && count < COUNTER_NAMES) names[count++] = counter->string;
+        }
+    }
+    return count;
+}
+
+static void add_counter_rows(const struct report *report, int renderer, const char *const *names, int count,
+                             struct text *page)
+{
+    char number[NUMBER_TEXT];
+    for (int i = 0; i < report->run_count; i++) {
+        if (report->runs[i].renderer != renderer) continue;
+        const cJSON *counters = json_at(report->runs[i].json, "counters");
+        text_add(page, "<tr><th class=\"word\">");
+        page_run(page, report, &report->runs[i]);
+        text_add(page, "</th>");
+        for (int k = 0; k < count; k++) {
+            const cJSON *counter = cJSON_GetObjectItemCaseSensitive(counters, names[k]);
+            text_add(page, "<td>%s</td>", number_text(json_number(counter, ""), number));
+        }
+        text_add(page, "</tr>\n");
+    }
+}
+
+// A table a renderer, closed until asked for: no two count the same things.
+static void add_counters(const struct report *report, struct text *page)
+{
+    const char *names[COUNTER_NAMES];
+    bool any = false;
+    for (int i = 0; i < report->renderer_count; i++) {
+        int count = counter_names(report, i, names);
+        if (count == 0) continue;
+        if (!any)
+            text_add(page,
+                     "<details id=\"counters\"><summary>What the methods counted</summary><p>Figures of "
+                     "each method\u2019s own, under its own names: means over the frames.</p>\n");
+        any = true;
+        text_add(page, "<div class=\"scroll\"><table class=\"runs\"><thead><tr><th class=\"word\">");
+        page_renderer(page, &report->renderers[i]);
+        text_add(page, "</th>");
+        for (int k = 0; k < count; k++) {
+            text_add(page, "<th>");
+            text_add_escaped(page, names[k]);
+            text_add(page, "</th>");
+        }
+        text_add(page, "</tr></thead><tbody>");
+        add_counter_rows(report, i, names, count, page);
+        text_add(page, "</tbody></table></div>\n");
+    }
+    if (any) text_add(page, "</details>\n");
+}
+
+// ---- all ----------------------------------------------------------------------------------------
+
 void report_run_tables(const struct report *report, struct text *page)
 {
     bool uncertain = false;
@@ -352,8 +404,7 @@ void report_run_tables(const struct report *report, struct text *page)
     add_run_table(report, "Error on the screen", error_columns, page);
     add_run_table(report, "Coverage and promises", promise_columns, page);
     add_run_table(report, "Work and memory", work_columns, page);
-    if (column_shown(report, &counter_columns[0]))
-        add_run_table(report, "Figures of the methods\u2019 own", counter_columns, page);
+    add_counters(report, page);
     const char *why = NULL;
     for (int i = 0; i < report->run_count; i++) {
         if (!json_true(report->runs[i].json, "uncertain")) continue;
@@ -381,25 +432,62 @@ static const struct column steadiness_columns[] = {
     {NULL, NULL, NULL, NUMBER, NULL},
 };
 
-void report_steadiness(const struct report *report, struct text *page)
+static const struct column motion_columns[] = {
+    {"p99.9", "px", "temporal_px.p999", NUMBER, "999 of 1000 places move no farther"},
+    {"max", "px", "temporal_px.max", NUMBER, "the place that moves farthest"},
+    {NULL, NULL, NULL, NUMBER, NULL},
+};
+
+// One row for each setting that stands for a renderer, up to the last of the roles asked for.
+static void add_shown_table(const struct report *report, const struct column *columns, enum report_role last,
+                            struct text *page)
 {
     text_add(page, "<div class=\"scroll\"><table><thead><tr><th class=\"word\">setting</th>");
-    for (const struct column *column = steadiness_columns; column->heading; column++)
+    for (const struct column *column = columns; column->heading; column++)
         text_add(page, "<th title=\"%s\">%s<small>%s</small></th>", column->meaning, column->heading,
                  column->unit);
     text_add(page, "</tr></thead><tbody>");
     for (int i = 0; i < report->renderer_count; i++) {
         const struct report_run *run = report->renderers[i].shown;
-        if (!run || report->renderers[i].role != ROLE_METHOD) continue;
+        if (!run || report->renderers[i].role > last) continue;
         text_add(page, "<tr><th class=\"word\">");
         page_run(page, report, run);
         text_add(page, "</th>");
-        for (const struct column *column = steadiness_columns; column->heading; column++)
+        for (const struct column *column = columns; column->heading; column++)
             add_cell(run->json, column, page);
         text_add(page, "</tr>");
     }
-    text_add(page, "</tbody></table></div><p class=\"note\">Steadiness takes the scene out: each "
-                   "frame\u2019s time over the "
-                   "time of the plainest draw of the same triangles, its p99 over its median. 1 is perfectly "
-                   "steady.</p>\n");
+    text_add(page, "</tbody></table></div>");
+}
+
+void report_steadiness(const struct report *report, struct text *page)
+{
+    add_shown_table(report, steadiness_columns, ROLE_METHOD, page);
+    text_add(page,
+             "<p class=\"note\">Steadiness takes the scene out: each frame\u2019s time over the time of "
+             "the plainest draw of the same triangles, its p99 over its median. 1 is perfectly "
+             "steady.</p>\n");
+}
+
+void report_motion(const struct report *report, struct text *page)
+{
+    double step_m = json_number(report->root, "path.step_m");
+    char number[NUMBER_TEXT];
+    int written = 0;
+    add_shown_table(report, motion_columns, ROLE_BRUTE, page);
+    text_add(page, "<p class=\"note\">temporal_px over the whole path; brute moves by rounding alone.");
+    if (isfinite(step_m))
+        text_add(page, " From frame to frame the eye moves %s\u00a0m on average: it depends on that.",
+                 number_text(step_m, number));
+    for (int i = 0; i < report->renderer_count; i++) {
+        const struct report_run *run = report->renderers[i].shown;
+        if (!run || report->renderers[i].role > ROLE_BRUTE) continue;
+        if (isfinite(json_number(run->json, "temporal_px.p999"))) continue;
+        const char *reason = json_text(run->json, "reasons.temporal_px");
+        text_add(page, written++ ? "; " : " Not measured: ");
+        page_run(page, report, run);
+        text_add(page, ", ");
+        text_add_escaped(page, reason ? reason : "no reason was recorded");
+    }
+    text_add(page, written ? ".</p>\n" : "</p>\n");
 }

@@ -332,26 +332,42 @@ static void add_outlines(const struct report *report, struct text *page)
     if (written) text_add(page, beyond ? " of the ground." : " of the ground: all within their bounds.");
 }
 
-struct claims { // of a renderer: settings, those that claim a bound, frames checked, frames that broke it
+struct claims { // of a renderer: settings measured, those that claim a bound, frames checked, frames that
+                // broke it
     int settings, claiming;
     double checked, broken;
+    double tightest, loosest; // over the settings: claimed over measured error, each a mean over its frames
 };
 
 static struct claims count_claims(const struct report *report, int renderer)
 {
-    struct claims claims = {0};
+    struct claims claims = {.tightest = INFINITY, .loosest = -INFINITY};
     for (int k = 0; k < report->run_count; k++) {
         const cJSON *run = report->runs[k].json;
+        bool claiming = isfinite(json_number(run, "claimed_px"));
         if (report->runs[k].renderer != renderer) continue;
+        if (!claiming && isnan(json_number(run, "error_px.p999"))) continue; // it may have had one to make
         claims.settings++;
-        if (isnan(json_number(run, "claimed_px"))) continue;
+        if (!claiming) continue;
         claims.claiming++;
         double broken = json_number(run, "claim_broken_frames"), frames = json_number(run, "frames");
         if (isnan(broken) || isnan(frames)) continue;
         claims.checked += frames;
         claims.broken += broken;
+        claims.tightest = fmin(claims.tightest, json_number(run, "tightness.mean"));
+        claims.loosest = fmax(claims.loosest, json_number(run, "tightness.mean"));
     }
     return claims;
+}
+
+static void add_tightness(const struct claims *claims, struct text *page)
+{
+    char number[NUMBER_TEXT];
+    if (!(claims->tightest <= claims->loosest)) return;
+    text_add(page, "Over the frames that claim is on average %s", number_text(claims->tightest, number));
+    if (claims->loosest > claims->tightest) text_add(page, " to %s", number_text(claims->loosest, number));
+    text_add(page, "\u00a0\u00d7 the largest error%s. ",
+             claims->loosest > claims->tightest ? ", depending on the setting" : "");
 }
 
 static void add_claims(const struct report *report, struct text *page)
@@ -362,7 +378,9 @@ static void add_claims(const struct report *report, struct text *page)
         if (report->renderers[i].role != ROLE_METHOD) continue;
         struct claims claims = count_claims(report, i);
         page_renderer(page, &report->renderers[i]);
-        if (claims.claiming == 0)
+        if (claims.settings == 0)
+            text_add(page, " was not measured. ");
+        else if (claims.claiming == 0)
             text_add(page, " claims no bound on its error. ");
         else if (claims.checked == 0)
             text_add(page, " claims a bound on its error that was not checked. ");
@@ -377,6 +395,7 @@ static void add_claims(const struct report *report, struct text *page)
             add_number(page, claims.checked, claims.checked == 1 ? "frame" : "frames");
             text_add(page, ". ");
         }
+        add_tightness(&claims, page);
     }
     text_add(page, "</dd>");
 }

@@ -144,6 +144,14 @@ static cJSON *make_run(const struct model *model, int k)
         cJSON_AddNumberToObject(run, "claim_broken_frames", 0);
     else
         cJSON_AddNullToObject(run, "claim_broken_frames");
+    cJSON *tightness = cJSON_AddObjectToObject(run, "tightness");
+    if (claims) {
+        cJSON_AddNumberToObject(tightness, "mean", 1.5 + k);
+        cJSON_AddNumberToObject(tightness, "min", 1.25 + k);
+    } else {
+        cJSON_AddNullToObject(tightness, "mean");
+        cJSON_AddNullToObject(tightness, "min");
+    }
     add_coverage(run, "holes", 0);
     add_coverage(run, "misses", isnan(error) ? 0 : 100 * error);
     add_coverage(run, "spills", isnan(error) ? 0 : 80 * error);
@@ -157,6 +165,7 @@ static cJSON *make_run(const struct model *model, int k)
         cJSON_AddArrayToObject(run, "pictures");
     cJSON *counters = cJSON_AddObjectToObject(run, "counters");
     if (claims) cJSON_AddNumberToObject(counters, "levels", 8 - k);
+    if (claims) cJSON_AddNumberToObject(counters, "samples_updated", 4096.25 + k);
     cJSON *reasons = cJSON_AddObjectToObject(run, "reasons");
     cJSON_AddStringToObject(reasons, "gpu_ms", "a software rasteriser's timer queries mean nothing");
     cJSON_AddStringToObject(reasons, "throughput_ms", "measured on a GPU only");
@@ -201,6 +210,7 @@ static void add_facts(cJSON *root)
     group = cJSON_AddObjectToObject(root, "path");
     cJSON_AddStringToObject(group, "name", "default");
     cJSON_AddNumberToObject(group, "frames", FRAMES);
+    cJSON_AddNumberToObject(group, "step_m", 0.0333);
     group = cJSON_AddObjectToObject(root, "method");
     cJSON_AddNumberToObject(group, "repeats", 5);
     cJSON_AddStringToObject(group, "warmup", "the whole path once, untimed, by every setting");
@@ -286,6 +296,12 @@ static void write_results(const cJSON *root)
     free(content);
 }
 
+// Of renderer m at setting k: nothing moves in frame 7.
+static double moved_px(int m, int k, int frame)
+{
+    return frame == 7 ? 0 : 1e-3 * (m + 1) * (k + 1) * (1 + 0.5 * sin(frame));
+}
+
 static void write_frames(void)
 {
     for (int m = 0; m < MODELS; m++)
@@ -294,15 +310,17 @@ static void write_frames(void)
             snprintf(name, sizeof name, "frames/%s_%d.csv", models[m].name, k);
             FILE *file = fopen(in_folder(name), "wb");
             assert_non_null(file);
-            fprintf(file, "frame,frame_ms,update_ms,error_px_mean,error_px_p999\n");
+            fprintf(file, "frame,frame_ms,update_ms,error_px_mean,error_px_p999,temporal_px_p999\n");
             for (int frame = 0; frame < FRAMES; frame++) {
                 double wave = 1 + 0.15 * sin(frame * 0.31 + m) + 0.05 * sin(frame * 2.3 + k);
                 double error = models[m].error * pow(models[m].fall, k) * wave;
                 fprintf(file, "%d,%.6g,,", frame, models[m].time * pow(models[m].rise, k) * wave);
                 if (isnan(error))
-                    fprintf(file, ",\n");
+                    fprintf(file, ",,\n");
+                else if (frame == 0)
+                    fprintf(file, "%.6g,%.6g,\n", error * 0.05, error);
                 else
-                    fprintf(file, "%.6g,%.6g\n", error * 0.05, error);
+                    fprintf(file, "%.6g,%.6g,%.6g\n", error * 0.05, error, moved_px(m, k, frame));
             }
             fclose(file);
         }
@@ -456,14 +474,14 @@ static void page_is_whole_and_self_contained(void **state)
 static void figures_are_valid_and_ids_do_not_clash(void **state)
 {
     (void)state;
-    static const char *const names[] = {"frontier", "path", "triangles"};
+    static const char *const names[] = {"frontier", "path", "motion", "triangles"};
     if (run_quietly("gnuplot --version") != 0) {
         printf("skipped: gnuplot is not installed\n");
         return;
     }
     write_frames();
     char *page = page_of(make_results());
-    for (int i = 0; i < 3; i++) {
+    for (int i = 0; i < 4; i++) {
         char command[1400], name[64];
         snprintf(name, sizeof name, "figures/%s.svg", names[i]);
         snprintf(command, sizeof command, "xmllint --noout %s", in_folder(name));
@@ -577,6 +595,109 @@ static void verdict_cannot_tell(void **state)
     free(page);
 }
 
+// What the page says of motion, tightness and counters, and that results without them still have a page.
+static void motion_tightness_and_counters_are_shown(void **state)
+{
+    (void)state;
+    write_frames();
+    char *page = page_of(make_results()), *text = visible_text(page);
+    assert_contains(text, "From frame to frame the eye moves 0.0333\u00a0m");
+    assert_contains(text,
+                    "geomipmap keeps the error it claims in all 192 frames. Over the frames that claim is on "
+                    "average 1.50 to 4.50\u00a0\u00d7 the largest error, depending on the setting.");
+    assert_contains(page, "<details id=\"counters\"><summary>What the methods counted");
+    assert_contains(page, "<th>levels</th><th>samples_updated</th>");
+    assert_contains(page, "<td>8</td><td>4\u202f096</td>");
+    assert_contains(page, ">least</small>"); // the columns of tightness
+    const char *counters = strstr(page, "<details id=\"counters\"");
+    assert_null(strstr(counters, "<th class=\"word\"><span class=\"who\" style=\"--c:#009E73\">pgm<"));
+    free(text);
+    free(page);
+
+    // The figure's numbers are the frames': 46 of the 48 of each method, as one has none and one did not
+    // move.
+    char *data = read_page("figures/motion.dat");
+    int rows = 0, blank = 0, m = 3;
+    assert_non_null(data);
+    for (char *line = strtok(data, "\n"); line; line = strtok(NULL, "\n")) {
+        double frame, moved;
+        if (sscanf(line, "%lf %lf", &frame, &moved) != 2) {
+            blank++;
+            continue;
+        }
+        int k = m == 4 ? 2 : m == 3 ? 2 : 3; // the settings nearest to 1 px: 1.39, 1.15 and 1.36
+        assert_true(fabs(moved - moved_px(m, k, (int)frame)) <= 1e-5 * moved);
+        if (++rows % (FRAMES - 2) == 0) m++;
+    }
+    assert_int_equal(rows, 3 * (FRAMES - 2));
+    assert_int_equal(blank, 1); // the heading
+    free(data);
+}
+
+static void frames_that_do_not_follow_each_other_are_said(void **state)
+{
+    (void)state;
+    cJSON *root = make_results(), *run;
+    cJSON_ArrayForEach(run, cJSON_GetObjectItem(root, "runs"))
+    {
+        if (strcmp(cJSON_GetObjectItem(run, "renderer")->valuestring, "pgm") != 0) continue;
+        cJSON *temporal = cJSON_CreateObject();
+        cJSON_AddNullToObject(temporal, "p999");
+        cJSON_AddNullToObject(temporal, "max");
+        cJSON_ReplaceItemInObject(run, "temporal_px", temporal);
+        cJSON_AddStringToObject(cJSON_GetObjectItem(run, "reasons"), "temporal_px",
+                                "its frames do not follow each other");
+    }
+    char *page = page_of(root), *text = visible_text(page); // and no frames/*.csv: no figure
+    assert_contains(text, "Not measured: pgm columns=512, its frames do not follow each other.");
+    assert_int_not_equal(access(in_folder("figures/motion.svg"), F_OK), 0);
+    free(text);
+    free(page);
+}
+
+static void results_without_later_fields_have_a_page(void **state)
+{
+    (void)state;
+    cJSON *root = make_results(), *run;
+    cJSON_DeleteItemFromObject(cJSON_GetObjectItem(root, "path"), "step_m");
+    cJSON_ArrayForEach(run, cJSON_GetObjectItem(root, "runs"))
+    {
+        cJSON_DeleteItemFromObject(run, "tightness");
+        cJSON_DeleteItemFromObject(run, "counters");
+    }
+    char *page = page_of(root), *text = visible_text(page);
+    assert_contains(text, "geomipmap keeps the error it claims in all 192 frames. ");
+    assert_null(strstr(text, "that claim is on average"));
+    assert_null(strstr(text, "the eye moves"));
+    assert_null(strstr(page, "id=\"counters\""));
+    assert_null(strstr(page, "claimed over measured error"));
+    assert_contains(text, "these results were written without it");
+    free(text);
+    free(page);
+}
+
+// A method whose flights were cut short may have had a bound to claim: the page must not say that it has
+// none.
+static void what_was_not_measured_claims_nothing(void **state)
+{
+    (void)state;
+    cJSON *root = make_results(), *run;
+    cJSON_ArrayForEach(run, cJSON_GetObjectItem(root, "runs"))
+    {
+        if (strcmp(cJSON_GetObjectItem(run, "renderer")->valuestring, "geomipmap") != 0) continue;
+        cJSON_ReplaceItemInObject(run, "error_px", cJSON_CreateNull());
+        cJSON_ReplaceItemInObject(run, "claimed_px", cJSON_CreateNull());
+        cJSON_ReplaceItemInObject(run, "tightness", cJSON_CreateNull());
+        cJSON_ReplaceItemInObject(run, "counters", cJSON_CreateNull());
+    }
+    char *page = page_of(root), *text = visible_text(page);
+    assert_null(strstr(text, "geomipmap claims no bound"));
+    assert_contains(text, "geomipmap was not measured. ");
+    assert_contains(text, "pgm claims no bound");
+    free(text);
+    free(page);
+}
+
 static void holes_and_broken_promises_are_said(void **state)
 {
     (void)state;
@@ -635,7 +756,9 @@ static void no_number_is_no_number(void **state)
                                            "holes",
                                            "misses",
                                            "spills",
-                                           "temporal_px"};
+                                           "temporal_px",
+                                           "tightness",
+                                           "counters"};
         for (size_t i = 0; i < sizeof keys / sizeof keys[0]; i++)
             cJSON_ReplaceItemInObject(run, keys[i], cJSON_CreateNull());
     }
@@ -878,6 +1001,10 @@ int main(void)
         CASE(figures_are_valid_and_ids_do_not_clash),
         CASE(verdict_names_the_faster),
         CASE(verdict_cannot_tell),
+        CASE(motion_tightness_and_counters_are_shown),
+        CASE(frames_that_do_not_follow_each_other_are_said),
+        CASE(results_without_later_fields_have_a_page),
+        CASE(what_was_not_measured_claims_nothing),
         CASE(holes_and_broken_promises_are_said),
         CASE(no_number_is_no_number),
         CASE(survives_missing_fields),
