@@ -9,7 +9,9 @@ enum {
     SUMS = 512, // context sums below this have a context each; larger ones lose low bits
     ESCAPE = CODER_TOKENS - 1,
     STATE_LOW = 1 << 16,
-    MARGIN = 2, // magnitudes west and north of a band that contexts read: zeros
+    OWN_STATES = 8,   // in a tile's first byte: each band has a state of its own
+    BRIEF_STATE = 16, // there: the one state has three bytes
+    MARGIN = 2,       // magnitudes west and north of a band that contexts read: zeros
     STRIDE = CODER_TILE + 2 * MARGIN,
 };
 
@@ -204,7 +206,7 @@ static void put_bits(struct bit_writer *w, uint32_t value, int bits) // bits <= 
         w->bytes[w->size++] = (uint8_t)w->held;
 }
 
-static void put_magnitude_bits(struct bit_writer *w, uint32_t magnitude, bool negative, int raw, int token)
+static void put_magnitude_bits(struct bit_writer *w, uint32_t magnitude, int raw, int token)
 {
     uint32_t high = magnitude >> raw;
     if (token == ESCAPE) {
@@ -215,14 +217,12 @@ static void put_magnitude_bits(struct bit_writer *w, uint32_t magnitude, bool ne
     } else if (TOKEN_BITS[token])
         put_bits(w, high - TOKEN_FIRST[token], TOKEN_BITS[token]);
     if (raw) put_bits(w, magnitude & (((uint32_t)1 << raw) - 1), raw);
-    if (magnitude) put_bits(w, negative, 1);
 }
 
 // Sums of all coefficients in coding order; returns their number.  `costs` gets what each shift would cost.
 struct visit {
     uint32_t sum, magnitude;
     uint8_t band;
-    bool negative;
 };
 
 static int visit_all(const struct coder_tile *tile, const coder_band *k, struct visit *visits)
@@ -238,8 +238,7 @@ static int visit_all(const struct coder_tile *tile, const coder_band *k, struct 
                 if (x >= tile->width[b] || y >= tile->height[b]) continue;
                 int32_t value = k[b][y * CODER_TILE + x];
                 uint32_t magnitude = (uint32_t)abs(value);
-                visits[count++] =
-                    (struct visit){plane_sum(planes, tile, b, x, y), magnitude, (uint8_t)b, value < 0};
+                visits[count++] = (struct visit){plane_sum(planes, tile, b, x, y), magnitude, (uint8_t)b};
                 plane_row(&planes[b], y)[x] = magnitude;
             }
     }
@@ -269,11 +268,30 @@ static int best_shift(const struct coder_tile *tile, const struct visit *visits,
     return best;
 }
 
-// Words from symbols, in reverse, to the end of `words`; returns where they begin.
-static size_t rans_encode(const struct symbol *symbols, int count, bool own_states, int first_band,
-                          uint32_t *states, uint16_t *words, size_t room)
+// Signs, band by band.  The first ones stand in the states that the encoder begins with: bits that would be
+// lost.
+struct signs {
+    uint16_t words[CODER_BANDS * CODER_TILE * CODER_TILE / 16 + CODER_BANDS];
+    int count;
+};
+
+static void collect_signs(const struct coder_tile *tile, const coder_band *k, struct signs *signs)
 {
-    for (int s = 0; s < CODER_BANDS; s++) states[s] = STATE_LOW;
+    memset(signs, 0, sizeof *signs);
+    for (int b = tile->first_band; b < tile->bands; b++)
+        for (int y = 0; y < tile->height[b]; y++)
+            for (int x = 0; x < tile->width[b]; x++) {
+                int32_t value = k[b][y * CODER_TILE + x];
+                if (value < 0) signs->words[signs->count / 16] |= (uint16_t)(1 << signs->count % 16);
+                signs->count += value != 0;
+            }
+}
+
+// Words from symbols, in reverse, to the end of `words`; returns where they begin.
+static size_t rans_encode(const struct symbol *symbols, int count, const struct signs *signs, bool own_states,
+                          int first_band, uint32_t *states, uint16_t *words, size_t room)
+{
+    for (int s = 0; s < CODER_BANDS; s++) states[s] = STATE_LOW | signs->words[s];
     for (int i = count - 1; i >= 0; i--) {
         const struct symbol *symbol = &symbols[i];
         uint32_t *state = &states[own_states ? symbol->band - first_band : 0], x = *state;
@@ -308,18 +326,23 @@ size_t coder_encode(const struct coder_tile *tile, const coder_band *k, uint8_t 
         symbols[i] = (struct symbol){CODER_TABLES.start[set][context][token],
                                      (uint16_t)frequency(set, context, token), v->band};
         if (counts) counts->of[set][context][token]++;
-        put_magnitude_bits(&writer, v->magnitude, v->negative, raw, token);
+        put_magnitude_bits(&writer, v->magnitude, raw, token);
     }
-    if (writer.count) put_bits(&writer, 0, 8 - writer.count);
     uint32_t states[CODER_BANDS];
+    struct signs signs;
     size_t room = sizeof words / sizeof *words;
-    size_t from = rans_encode(symbols, count, false, tile->first_band, states, words, room);
-    bool own = room - from > OWN_STATES_FROM / 2;
-    if (own) from = rans_encode(symbols, count, true, tile->first_band, states, words, room);
+    collect_signs(tile, k, &signs);
+    size_t from = rans_encode(symbols, count, &signs, false, tile->first_band, states, words, room);
+    bool own = room - from > OWN_STATES_FROM / 2, brief = !own && states[0] < 1 << 24;
+    if (own) from = rans_encode(symbols, count, &signs, true, tile->first_band, states, words, room);
+    int state_count = own ? tile->bands - tile->first_band : 1;
+    for (int i = 16 * state_count; i < signs.count; i++)
+        put_bits(&writer, signs.words[i / 16] >> i % 16 & 1, 1);
+    if (writer.count) put_bits(&writer, 0, 8 - writer.count);
     uint8_t *to = out;
-    *to++ = (uint8_t)(shift + (own ? 8 : 0));
-    for (int s = 0; s < (own ? tile->bands - tile->first_band : 1); s++)
-        for (int byte = 0; byte < 4; byte++) *to++ = (uint8_t)(states[s] >> 8 * byte);
+    *to++ = (uint8_t)(shift + (own ? OWN_STATES : brief ? BRIEF_STATE : 0));
+    for (int s = 0; s < state_count; s++)
+        for (int byte = 0; byte < (brief ? 3 : 4); byte++) *to++ = (uint8_t)(states[s] >> 8 * byte);
     for (size_t i = from; i < room; i++) {
         *to++ = (uint8_t)words[i];
         *to++ = (uint8_t)(words[i] >> 8);
@@ -397,13 +420,11 @@ static inline int get_token(struct decoder *d, uint32_t *state, const uint16_t *
     return token;
 }
 
-static inline uint32_t get_magnitude(struct decoder *d, uint32_t *state, int set, uint32_t sum,
-                                     bool *negative)
+static inline uint32_t get_magnitude(struct decoder *d, uint32_t *state, int set, uint32_t sum)
 {
     int raw = raw_shift(sum);
     int context = d->contexts.of[sum < SUMS ? sum : SUMS - 1];
     int token = get_token(d, state, CODER_TABLES.start[set][context]);
-    *negative = false;
     if (token == 0 && raw == 0) return 0;
     uint32_t magnitude = TOKEN_FIRST[token];
     if (token == ESCAPE)
@@ -411,7 +432,6 @@ static inline uint32_t get_magnitude(struct decoder *d, uint32_t *state, int set
     else if (TOKEN_BITS[token])
         magnitude += get_bits(&d->bits, TOKEN_BITS[token]);
     if (raw) magnitude = magnitude << raw | get_bits(&d->bits, raw);
-    if (magnitude) *negative = get_bits(&d->bits, 1);
     if (magnitude >= CODER_LIMIT) {
         d->bits.spent = true;
         magnitude = 0;
@@ -419,15 +439,21 @@ static inline uint32_t get_magnitude(struct decoder *d, uint32_t *state, int set
     return magnitude;
 }
 
+static int state_count(const struct coder_tile *tile, int head)
+{
+    return head & OWN_STATES ? tile->bands - tile->first_band : 1;
+}
+
 static bool decoder_init(struct decoder *d, const struct coder_tile *tile, const uint8_t *data, size_t size)
 {
-    int head = data[0], states = head & 8 ? tile->bands - tile->first_band : 1;
-    size_t words = 1 + 4 * (size_t)states;
-    if ((head & 7) >= CODER_SHIFTS || head > 15 || size < words) return false;
+    int head = data[0], states = state_count(tile, head), bytes = head & BRIEF_STATE ? 3 : 4;
+    size_t words = 1 + (size_t)bytes * (size_t)states;
+    if ((head & 7) >= CODER_SHIFTS || head >= BRIEF_STATE + OWN_STATES || size < words) return false;
     contexts_init(&d->contexts, (head & 7) - CODER_SHIFTS / 2);
     for (int s = 0; s < states; s++) {
-        const uint8_t *at = data + 1 + 4 * s;
-        d->states[s] = (uint32_t)at[0] | (uint32_t)at[1] << 8 | (uint32_t)at[2] << 16 | (uint32_t)at[3] << 24;
+        d->states[s] = 0;
+        for (int byte = 0; byte < bytes; byte++)
+            d->states[s] |= (uint32_t)data[1 + bytes * s + byte] << 8 * byte;
         if (d->states[s] < STATE_LOW) return false;
     }
     d->bits = (struct bit_reader){.data = data, .at = size, .low = words};
@@ -436,12 +462,25 @@ static bool decoder_init(struct decoder *d, const struct coder_tile *tile, const
     return true;
 }
 
-// All states are back where the encoder began, and no byte was read twice or left.
-static bool decoder_finished(const struct decoder *d, const struct coder_tile *tile, int head)
+// Gives the magnitudes of a tile their signs; false when the states do not end where an encoder begins.
+static bool get_signs(struct decoder *d, const struct coder_tile *tile, int states, coder_band *k)
 {
-    for (int s = 0; s < (head & 8 ? tile->bands - tile->first_band : 1); s++)
-        if (d->states[s] != STATE_LOW) return false;
-    return !d->bits.spent && d->bits.at + (size_t)(d->bits.count / 8) == d->word_at;
+    uint64_t held = 0;
+    for (int s = 0; s < states; s++) {
+        if (d->states[s] >> 16 != 1) return false;
+        held |= (uint64_t)(d->states[s] & 0xffff) << 16 * s;
+    }
+    int in_states = 16 * states;
+    for (int b = tile->first_band; b < tile->bands; b++)
+        for (int y = 0; y < tile->height[b]; y++)
+            for (int32_t *at = k[b] + y * CODER_TILE, *end = at + tile->width[b]; at < end; at++) {
+                if (*at == 0) continue;
+                bool negative = in_states > 0 ? held & 1 : get_bits(&d->bits, 1);
+                held >>= 1;
+                in_states--;
+                if (negative) *at = -*at;
+            }
+    return held == 0;
 }
 
 bool coder_decode(const struct coder_tile *tile, const uint8_t *data, size_t size, coder_band *k)
@@ -455,19 +494,20 @@ bool coder_decode(const struct coder_tile *tile, const uint8_t *data, size_t siz
     int columns = tile_columns(tile), rows = tile_rows(tile);
     uint32_t *states[CODER_BANDS];
     for (int b = tile->first_band; b < tile->bands; b++)
-        states[b] = &d.states[data[0] & 8 ? b - tile->first_band : 0];
+        states[b] = &d.states[data[0] & OWN_STATES ? b - tile->first_band : 0];
     for (int y = 0; y < rows && !d.bits.spent; y++) {
         for (int b = tile->first_band; b < tile->bands; b++)
             plane_start_row(&planes[b], tile->activity[b] + y * CODER_TILE, y);
         for (int x = 0; x < columns; x++)
             for (int b = tile->first_band; b < tile->bands; b++) {
                 if (x >= tile->width[b] || y >= tile->height[b]) continue;
-                bool negative;
                 uint32_t magnitude =
-                    get_magnitude(&d, states[b], tile->set[b], plane_sum(planes, tile, b, x, y), &negative);
+                    get_magnitude(&d, states[b], tile->set[b], plane_sum(planes, tile, b, x, y));
                 plane_row(&planes[b], y)[x] = magnitude;
-                k[b][y * CODER_TILE + x] = negative ? -(int32_t)magnitude : (int32_t)magnitude;
+                k[b][y * CODER_TILE + x] = (int32_t)magnitude;
             }
     }
-    return decoder_finished(&d, tile, data[0]);
+    // No byte may have been read twice, and none left.
+    return get_signs(&d, tile, state_count(tile, data[0]), k) && !d.bits.spent &&
+           d.bits.at + (size_t)(d.bits.count / 8) == d.word_at;
 }

@@ -7,9 +7,11 @@
 // one alphabet serves coarse steps and lossless data alike.  Tables are constants, trained on terrain that no
 // figure is quoted for (`make tables`).
 //
-// A tile's bytes: one byte (context shift + 2, and 8 when each band has a rANS state of its own), the states
-// (u32), 16-bit words forwards; raw bits stand at the end and are read backwards.  A tile of zeros has no
-// bytes. SPDX-License-Identifier: MIT
+// A tile's bytes: one byte (context shift + 2; 8 when each band has a rANS state of its own; 16 when the one
+// state has three bytes), the states, 16-bit words forwards; raw bits and then signs stand at the end and are
+// read backwards.  The first signs stand in what is left of the states.  A tile of zeros has no bytes.
+//
+// SPDX-License-Identifier: MIT
 #ifndef COMMON_TERRAIN_CODER_H
 #define COMMON_TERRAIN_CODER_H
 

@@ -281,8 +281,8 @@ static bool search_steps(struct pack *p, struct relief_header *h)
             low = step, best = step;
         else
             high = step;
-        if (h->rms_m <= aim && h->rms_m >= 0.997 * aim) break;
-        double guess = h->rms_m > 0 ? step * pow(0.9985 * aim / h->rms_m, 1.15) : 4 * step;
+        if (h->rms_m <= aim && h->rms_m >= 0.9985 * aim) break;
+        double guess = h->rms_m > 0 ? step * pow(0.9993 * aim / h->rms_m, 1.15) : 4 * step;
         bool inside = guess > low && guess < high;
         step = inside ? guess : isinf(high) ? 2 * step : low > 0 ? sqrt(low * high) : high / 2;
         if (step < 1 && best == 0) step = 1;
@@ -403,7 +403,8 @@ static bool write_parts(FILE *file, const struct pack *p, const struct relief_he
     bool good = fwrite(header, 1, sizeof header, file) == sizeof header;
     for (int64_t i = 0; good && i < p->grid.tile_count; i++)
         good = fwrite(p->tiles[i].data, 1, p->tiles[i].bytes, file) == p->tiles[i].bytes;
-    for (int i = 0; good && i < 3; i++) good = fwrite(parts[i].data, 1, parts[i].size, file) == parts[i].size;
+    for (int i = 0; good && i < 3; i++)
+        good = !parts[i].size || fwrite(parts[i].data, 1, parts[i].size, file) == parts[i].size;
     return good;
 }
 
