@@ -322,7 +322,7 @@ bool relief_refine(const struct relief *r, int level, const struct patch *coarse
                                               : refine_bounded(r, level, coarse, wanted);
 }
 
-static bool decode_rect(const struct relief *r, int level, const struct patch *wanted)
+bool relief_units(const struct relief *r, int level, const struct patch *wanted)
 {
     int top = r->grid.count - 1;
     if (level == top) {
@@ -335,7 +335,7 @@ static bool decode_rect(const struct relief *r, int level, const struct patch *w
     struct patch coarse = {.rect = relief_coarse_rect(r, level, &wanted->rect)};
     coarse.samples = malloc((size_t)(rect_width(&coarse.rect) * rect_height(&coarse.rect)) * sizeof(int32_t));
     if (!coarse.samples) return fail("%s: a window does not fit in memory", r->path);
-    bool good = decode_rect(r, level + 1, &coarse) && relief_refine(r, level, &coarse, wanted);
+    bool good = relief_units(r, level + 1, &coarse) && relief_refine(r, level, &coarse, wanted);
     free(coarse.samples);
     return good;
 }
@@ -354,7 +354,7 @@ bool relief_window(const struct relief *r, int level, int64_t x0, int64_t y0, in
                    int32_t *out)
 {
     const struct patch wanted = {{x0, y0, x0 + width, y0 + height}, out};
-    if (!decode_rect(r, level, &wanted)) return false;
+    if (!relief_units(r, level, &wanted)) return false;
     to_quanta(r, out, width * height);
     return true;
 }

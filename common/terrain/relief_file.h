@@ -38,6 +38,9 @@ const struct relief_tile_side *relief_side(const struct relief *relief, int64_t 
 bool relief_window(const struct relief *relief, int level, int64_t x0, int64_t y0, int64_t width,
                    int64_t height, int32_t *out);
 
+// The same in internal units, rounded to nothing: what relief_refine reads.
+bool relief_units(const struct relief *relief, int level, const struct patch *wanted);
+
 // The next level alone, as a viewer reads it: `coarse` holds internal units of the coarser level, at least
 // what relief_coarse_rect says, and `wanted` receives internal units.
 struct rect relief_coarse_rect(const struct relief *relief, int level, const struct rect *wanted);

@@ -10,6 +10,7 @@
 
 #include <fcntl.h>
 #include <string.h>
+#include <time.h>
 
 static const int SIZES[][2] = {{1, 1},    {1, 2},    {2, 1},    {3, 3},    {1, 50},  {77, 1},
                                {8, 8},    {9, 8},    {9, 9},    {2, 65},   {63, 64}, {65, 64},
@@ -599,6 +600,53 @@ static void test_bits_of_real_terrain(void **state)
     assert_true(bits_of("puget_1k_160m.png", LAYOUT_BOUNDED, 0) <= 1.05 * 8.68);
 }
 
+static double cpu_ms(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
+}
+
+// What a viewer asks each time it moves: 255 x 255 samples of the next level, the coarser level being there.
+static void test_refining_a_window_is_quick(void **state)
+{
+    (void)state;
+    char path[1024];
+    struct heightfield field;
+    if (!test_data("puget_cascades_72m_2049x2817.png", path)) return;
+    for (enum layout layout = LAYOUT_WAVELET; layout <= LAYOUT_BOUNDED; layout++) {
+        assert_true(heightfield_load(&field, path));
+        pack(&field, layout, layout == LAYOUT_WAVELET ? 1 : 4, "refined.relief");
+        heightfield_finish(&field);
+        struct relief *relief = relief_open(in_folder("refined.relief"));
+        const struct grid *grid = relief_grid(relief);
+        struct patch coarse = {.rect = {0, 0, grid->size[1][0], grid->size[1][1]}}, wanted;
+        coarse.samples = malloc((size_t)(grid->size[1][0] * grid->size[1][1]) * sizeof(int32_t));
+        wanted.samples = malloc(255 * 255 * sizeof(int32_t));
+        assert_true(relief_units(relief, 1, &coarse));
+        uint64_t seed = 21;
+        double sum = 0, worst = 0;
+        int positions = test_size(100, 1000);
+        for (int i = 0; i < positions; i++) {
+            int64_t x0 = (int64_t)(test_random(&seed) % (uint64_t)(grid->size[0][0] - 254));
+            int64_t y0 = (int64_t)(test_random(&seed) % (uint64_t)(grid->size[0][1] - 254));
+            wanted.rect = (struct rect){x0, y0, x0 + 255, y0 + 255};
+            double least = INFINITY;
+            for (int again = 0; again < 5; again++) {
+                double start = cpu_ms();
+                assert_true(relief_refine(relief, 0, &coarse, &wanted));
+                least = fmin(least, cpu_ms() - start);
+            }
+            sum += least, worst = fmax(worst, least);
+        }
+        FIGURE("255 x 255 samples of the next level, %s, %d places: mean %.2f ms, worst %.2f ms",
+               layout == LAYOUT_WAVELET ? "rms 1 m" : "max 4 m", positions, sum / positions, worst);
+        free(coarse.samples);
+        free(wanted.samples);
+        relief_close(relief);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -617,6 +665,7 @@ int main(void)
         cmocka_unit_test(test_terrain_flies_it),
         cmocka_unit_test(test_harmed_files_are_refused),
         cmocka_unit_test(test_adversarial_files_do_no_harm),
+        cmocka_unit_test(test_refining_a_window_is_quick),
         cmocka_unit_test(test_bits_of_real_terrain),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);
