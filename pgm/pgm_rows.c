@@ -123,23 +123,23 @@ static double solve_law(double share, double log_span, double u, double start)
     return x;
 }
 
-// Sampling distance at which the mesh errs by the target at a forward distance: 3 rms of the level that has
-// this spacing, and less than a cell in proportion; more than two samples a cell bring nothing.
+// Sampling distance at which p99.9 of the mesh's error is the target at a forward distance.  Between two
+// levels it is blended as they are; within a cell of the finest it is the error at creases, which is in
+// proportion.
 static double wanted_spacing(const struct pgm_sampler *sampler, const struct view *view,
                              const struct pgm_world *world, double target_px, double forward_m)
 {
-    double depth =
-        fmax(forward_m * view->forward[0] * sampler->forward[0] +
-                 forward_m * view->forward[1] * sampler->forward[1] - sampler->height_m * view->forward[2],
-             view->near_m);
-    double allowed_m = target_px * depth / view->pixels_per_tangent / 3, finest = world->spacing_m;
-    int k = 1;
-    while (k < world->levels - 1 && world->error_m[k] < allowed_m) k++;
-    if (k >= world->levels || !(world->error_m[k] > 0)) return ldexp(finest, world->levels);
-    double below = k > 1 ? world->error_m[k - 1] : 0,
-           part = (allowed_m - below) / (world->error_m[k] - below);
-    double cells = k > 1 ? exp2(k - 1 + clamp(part, 0, 8)) : 2 * part;
-    return finest * fmax(cells, 0.5);
+    // Near the viewer, where it matters, the ground is not the sampling plane but what lies under the eye.
+    double ahead = view->forward[0] * sampler->forward[0] + view->forward[1] * sampler->forward[1];
+    double below_m = fmin(fmax(view->eye_m[2] - world->ground_m, 0), sampler->height_m);
+    double depth = fmax(forward_m * ahead - below_m * view->forward[2], view->near_m);
+    double allowed_m = target_px * depth / view->pixels_per_tangent;
+    int k = 0;
+    while (k < world->levels && world->error_m[k] < allowed_m) k++;
+    if (k == world->levels) return ldexp(world->spacing_m, k - 1);
+    if (k == 0) return world->spacing_m * allowed_m / world->error_m[0];
+    double below = world->error_m[k - 1], part = (allowed_m - below) / (world->error_m[k] - below);
+    return ldexp(world->spacing_m, k - 1) * (1 + part);
 }
 
 // Rows that the target takes from the far end to share k / BINS of the log of the fall, and the columns.
@@ -212,6 +212,33 @@ static struct law law_for(const struct pgm_sampler *sampler, const struct view *
     return law;
 }
 
+// ---- what a mesh errs by ---------------------------------------------------
+
+// Ratios of the largest of `samples` to the rms, and of p99.9, where log P(|error| > x) = -(x / s)^b.
+static double ratio_of(double log_rarity, double b)
+{
+    return pow(log_rarity, 1 / b) / sqrt(tgamma(1 + 2 / b));
+}
+
+double pgm_error_p999(double rms, double largest, double samples)
+{
+    if (!(rms > 0) || !(largest > rms) || !(samples > 1000)) return fmax(largest, 0);
+    double heavy = 0.3, light = 4, rarity = log(samples);
+    for (int step = 0; step < 50; step++) {
+        double b = 0.5 * (heavy + light);
+        if (ratio_of(rarity, b) > largest / rms)
+            heavy = b;
+        else
+            light = b;
+    }
+    return fmin(rms * ratio_of(log(1000), light), largest);
+}
+
+double pgm_error_unaligned(double rms, double parent_rms)
+{
+    return sqrt(rms * rms + 2.0 / 15 * fmax(parent_rms * parent_rms - rms * rms, 0));
+}
+
 // ---- how many --------------------------------------------------------------
 
 // Share of the window's height, in angle, from its lower edge to the highest terrain in it.
@@ -257,7 +284,8 @@ void pgm_rows_fit(const struct pgm_sampler *sampler, const struct view *view, co
                   const struct pgm_settings *settings, int most_rows, struct pgm_settings *used)
 {
     double rows = settings->rows, columns = settings->columns, needed;
-    struct span span = span_between(sampler, sampler->far_m, sampler->edge_m, settings->fall);
+    double last_m = settings->strips ? sampler->edge_m : sampler->near_m; // that the law spreads rows to
+    struct span span = span_between(sampler, sampler->far_m, last_m, settings->fall);
     if (settings->law == PGM_LAW_TARGET) {
         double counts[BINS + 1];
         rows = fmin(rows, count_target(sampler, view, world, settings, &span, counts, &needed));

@@ -32,6 +32,15 @@ void pgm_rows_lay(const struct pgm_sampler *sampler, const struct view *view, co
 // none within 5 %.  Time need not be proportional to the share, nor free of a fixed part.
 double pgm_hold_share(double share, double frame_ms, double hold_ms);
 
+// p99.9 of an error of which the rms and the largest of `samples` are known, taken to be distributed as
+// log P(|error| > x) = -(x / s)^b, s and b such that both come out right: heavy tails have a small b.
+double pgm_error_p999(double rms, double largest, double samples);
+
+// Rms of a mesh as fine as a level whose vertices stand anywhere in the level's cells.  A crease of slope c
+// leaves c^2 / 12 of mean square where every other sample is dropped, which is what the parent lacks, and
+// c^2 E[d^2 (1 - d)^2] / 3 = c^2 / 90 where the samples are read d aside.
+double pgm_error_unaligned(double rms, double parent_rms);
+
 // Equations 6 and 7: level and parent's weight for a sampling distance in finest cells.  Zero and NaN give
 // level 0, weight 0.
 void pgm_level_for(double cells, enum pgm_lod lod, int levels, int *level, double *weight);

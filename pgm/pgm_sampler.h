@@ -87,7 +87,7 @@ struct pgm_world {
     double ground_m;                // under the eye (or at the map's edge); for PGM_PLANE_GROUND
     double spacing_m;               // of the finest level
     int levels;                     // how many, finest included
-    double error_m[PGM_LEVELS_MAX]; // of each against the finest, rms; for PGM_LAW_TARGET
+    double error_m[PGM_LEVELS_MAX]; // p99.9 of a mesh as fine as each level; for PGM_LAW_TARGET
     double (*highest_in)(const void *user,
                          const double rect_m[4]); // highest drawn terrain in x_min, y_min, x_max, y_max
     const void *user;

@@ -24,7 +24,7 @@ static struct pgm_world flat_world(const double *ground_m)
                               .levels = 13,
                               .highest_in = flat_highest,
                               .user = ground_m};
-    for (int k = 1; k < world.levels; k++) world.error_m[k] = 0.1 * ldexp(world.spacing_m, k);
+    for (int k = 0; k < world.levels; k++) world.error_m[k] = 0.1 * ldexp(world.spacing_m, k);
     return world;
 }
 
@@ -228,9 +228,8 @@ static void test_a_target_takes_the_rows_it_needs(void **state)
         for (int j = 1; j <= rows; j++) {
             double middle = 0.5 * (laid.rows[j - 1].forward_m + laid.rows[j].forward_m);
             double depth = middle * cos(view.pitch) - 800 * sin(view.pitch);
-            // Errors double with the level: 3 rms at spacing s is 3 x 0.1 s, or half as fine as the cells
-            // are.
-            double allowed = fmax(target * depth / view.pixels_per_tangent / 0.3, 5);
+            // p99.9 at spacing s is 0.1 s.
+            double allowed = target * depth / view.pixels_per_tangent / 0.1;
             double step = laid.rows[j - 1].forward_m - laid.rows[j].forward_m;
             // Rows stand in bins of 1/256 of the way, within which the wanted spacing varies.
             assert_true(step <= allowed * 1.15);
@@ -238,6 +237,39 @@ static void test_a_target_takes_the_rows_it_needs(void **state)
         }
     }
     assert_true(within && rows < MOST_ROWS / 4);
+}
+
+// Distributions whose p99.9 is known: of P(|error| > x) = exp(-x^b) the rms is sqrt(Gamma(1 + 2 / b)), and
+// the largest of N is log(N)^(1 / b).
+static void test_tails_are_told_from_rms_and_largest(void **state)
+{
+    (void)state;
+    for (double b = 0.5; b <= 3; b *= 1.25)
+        for (double samples = 1e4; samples < 1e9; samples *= 100) {
+            double rms = sqrt(tgamma(1 + 2 / b)), largest = pow(log(samples), 1 / b);
+            assert_true(fabs(pgm_error_p999(7 * rms, 7 * largest, samples) / 7 / pow(log(1000), 1 / b) - 1) <
+                        1e-9);
+        }
+    assert_true(pgm_error_p999(0, 0, 1e6) == 0 && pgm_error_p999(2, 2, 1e6) == 2);
+    assert_true(isfinite(pgm_error_p999(1, 1e9, 1e6)) && pgm_error_p999(1, 5, 4) == 5);
+}
+
+// A crease of slope 1 at 0, read by a mesh of spacing 1 whose vertices stand d aside of it.
+static void test_a_mesh_between_samples_errs_at_creases(void **state)
+{
+    (void)state;
+    enum { STEPS = 1000 };
+    double squares = 0;
+    for (int i = 0; i < STEPS; i++)
+        for (int j = 0; j < STEPS; j++) {
+            double d = (i + 0.5) / STEPS, x = (j + 0.5) / STEPS - d; // of the cell from -d to 1 - d
+            double error = (x + d) * (1 - d) - fmax(x, 0);
+            squares += error * error / STEPS / STEPS;
+        }
+    // The parent, which drops the crease's sample: a triangle 1/2 high.
+    double parent = sqrt(1.0 / 12), unaligned = pgm_error_unaligned(0, parent);
+    assert_true(fabs(unaligned / sqrt(squares) - 1) < 1e-3);
+    assert_true(pgm_error_unaligned(3, 3) == 3 && pgm_error_unaligned(3, 1) == 3);
 }
 
 // Machines whose frame takes a fixed part and a part for the triangles, and noise of 3 %: the share settles
@@ -272,6 +304,8 @@ int main(void)
         cmocka_unit_test(test_strips_keep_the_rows_of_the_window),
         cmocka_unit_test(test_focus_draws_the_grid_together),
         cmocka_unit_test(test_a_target_takes_the_rows_it_needs),
+        cmocka_unit_test(test_tails_are_told_from_rms_and_largest),
+        cmocka_unit_test(test_a_mesh_between_samples_errs_at_creases),
         cmocka_unit_test(test_a_frame_time_is_held),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
