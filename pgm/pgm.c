@@ -639,7 +639,7 @@ static void update_view(struct pgm *pgm, struct selection *selection, const stru
 static bool pgm_update(struct renderer *renderer, const struct view *views, int count)
 {
     struct pgm *pgm = (struct pgm *)renderer;
-    // Tiles follow the first viewer; another makes do with what it finds there.
+    // Tiles follow the first viewer; another makes do with what it finds there: coarser, but without holes.
     uint64_t before = gpu_counters(pgm->desc.gpu).upload_bytes;
     if (count > 0) pgm_atlas_follow(&pgm->atlas, pgm->desc.gpu, pgm->desc.terrain, &views[0]);
     pgm->refilled_bytes = gpu_counters(pgm->desc.gpu).upload_bytes - before;

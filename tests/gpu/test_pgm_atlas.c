@@ -270,6 +270,58 @@ static void test_tiles_do_not_bleed(void **state)
     terrain_destroy(terrain);
 }
 
+// ---- two views of one atlas ------------------------------------------------
+
+// Ground pixels of view k, of those that the renderer was updated to, and how many no triangle covers.
+static uint64_t count_bare(struct gpu *gpu, struct renderer *renderer, const struct terrain *terrain,
+                           const struct truth_surface *surface, const struct view *views, int k,
+                           uint64_t *ground)
+{
+    struct truth truth;
+    struct gpu_target target; // a draw needs one
+    assert_true(truth_init(&truth, views[k].width, views[k].height));
+    truth_cast(&truth, surface, &views[k], 0);
+    struct places *hits = truth_places(&truth, 0);
+    assert_non_null(hits);
+    gpu_set_view(gpu, terrain, &views[k]);
+    assert_true(gpu_target_init(gpu, &target, views[k].width, views[k].height, GL_RGBA32F));
+    gpu_target_begin(gpu, &target);
+    assert_true(gpu_capture_begin(gpu, places_feed, hits));
+    renderer->type->draw(renderer, k, PASS_POSITION);
+    gpu_capture_end(gpu);
+    gpu_target_finish(&target);
+    double low, high;
+    uint64_t bare = 0;
+    for (uint64_t hit = 0; hit < truth.ground; hit++) bare += !places_height(hits, hit, &low, &high);
+    *ground += truth.ground;
+    places_destroy(hits);
+    truth_finish(&truth);
+    return bare;
+}
+
+// Tiles follow the first viewer.  The second, who may be far from them, sees coarser ground, but all of it.
+static void test_two_views_share_the_tiles(void **state)
+{
+    struct terrain *terrain = make_terrain(512, 500, NULL, 30, 0.5, 0, hilly_height);
+    struct truth_surface *surface = truth_surface_create(terrain);
+    assert_non_null(surface);
+    struct renderer *renderer = make_pgm(*state, terrain, "rows=100 memory=0.1 budget=64");
+    assert_true(counter(renderer, "tile_side") < 250);
+    uint64_t seed = 5, bare[2] = {0, 0}, ground = 0;
+    for (int frame = 0; frame < test_size(12, 200); frame++) {
+        struct view views[2] = {some_view(terrain, &seed), some_view(terrain, &seed)};
+        renderer->type->begin_frame(renderer, frame);
+        assert_true(renderer->type->update(renderer, views, 2));
+        for (int k = 1; k >= 0; k--)
+            bare[k] += count_bare(*state, renderer, terrain, surface, views, k, &ground);
+    }
+    FIGURE("two views of one atlas: %lu and %lu of %lu ground pixels uncovered", bare[0], bare[1], ground);
+    assert_true(bare[0] == 0 && bare[1] == 0 && ground > 10000);
+    pgm_renderer.destroy(renderer);
+    truth_surface_destroy(surface);
+    terrain_destroy(terrain);
+}
+
 // ---- the Cascades in 4 MiB -------------------------------------------------
 
 static void test_cascades_in_four_mebibytes(void **state)
@@ -328,6 +380,7 @@ int main(void)
         cmocka_unit_test(test_many_textures_hold_plain_texels),
         cmocka_unit_test(test_every_texel_lies_where_its_sample_does),
         cmocka_unit_test(test_tiles_do_not_bleed),
+        cmocka_unit_test(test_two_views_share_the_tiles),
         cmocka_unit_test(test_cascades_in_four_mebibytes),
         cmocka_unit_test(test_no_gl_errors),
     };
