@@ -402,11 +402,24 @@ struct decoder {
     struct contexts contexts;
 };
 
-static inline int get_token(struct decoder *d, uint32_t *state, const uint16_t *start)
+// Number of the tokens 1..15 that begin at or before `slot`.  All are compared at once: where many tokens are
+// likely, a loop would be mispredicted each time.
+static inline int tokens_before(const uint16_t *start, uint32_t slot)
+{
+    typedef int16_t lanes __attribute__((vector_size(16))); // all values are below 2^14
+    typedef uint64_t halves __attribute__((vector_size(16)));
+    lanes low, high;
+    memcpy(&low, start, sizeof low);
+    memcpy(&high, start + 8, sizeof high);
+    halves counts = (halves)(-((low <= (int16_t)slot) + (high <= (int16_t)slot)));
+    return (int)((counts[0] + counts[1]) * 0x0001000100010001u >> 48) - 1;
+}
+
+static inline __attribute__((always_inline)) int get_token(struct decoder *d, uint32_t *state,
+                                                           const uint16_t *start)
 {
     uint32_t x = *state, slot = x & ((1 << CODER_BITS) - 1);
-    int token = 0;
-    while (token < ESCAPE && slot >= start[token + 1]) token++;
+    int token = slot < start[1] ? 0 : tokens_before(start, slot);
     uint32_t end = token == ESCAPE ? 1 << CODER_BITS : start[token + 1];
     x = (end - start[token]) * (x >> CODER_BITS) + slot - start[token];
     if (x < STATE_LOW) {
@@ -420,23 +433,27 @@ static inline int get_token(struct decoder *d, uint32_t *state, const uint16_t *
     return token;
 }
 
-static inline uint32_t get_magnitude(struct decoder *d, uint32_t *state, int set, uint32_t sum)
+// A magnitude from its token and raw bits.
+static uint32_t get_raw(struct decoder *d, int token, int raw)
 {
-    int raw = raw_shift(sum);
-    int context = d->contexts.of[sum < SUMS ? sum : SUMS - 1];
-    int token = get_token(d, state, CODER_TABLES.start[set][context]);
-    if (token == 0 && raw == 0) return 0;
     uint32_t magnitude = TOKEN_FIRST[token];
     if (token == ESCAPE)
         magnitude = get_escape(&d->bits);
     else if (TOKEN_BITS[token])
         magnitude += get_bits(&d->bits, TOKEN_BITS[token]);
     if (raw) magnitude = magnitude << raw | get_bits(&d->bits, raw);
-    if (magnitude >= CODER_LIMIT) {
-        d->bits.spent = true;
-        magnitude = 0;
-    }
-    return magnitude;
+    if (magnitude < CODER_LIMIT) return magnitude;
+    d->bits.spent = true;
+    return 0;
+}
+
+static inline __attribute__((always_inline)) uint32_t get_magnitude(struct decoder *d, uint32_t *state,
+                                                                    int set, uint32_t sum)
+{
+    bool plain = sum < SUMS;
+    int context = d->contexts.of[plain ? sum : SUMS - 1];
+    int token = get_token(d, state, CODER_TABLES.start[set][context]);
+    return plain && token < 8 ? (uint32_t)token : get_raw(d, token, raw_shift(sum));
 }
 
 static int state_count(const struct coder_tile *tile, int head)
@@ -483,30 +500,49 @@ static bool get_signs(struct decoder *d, const struct coder_tile *tile, int stat
     return held == 0;
 }
 
+// Magnitudes of all bands, in lockstep, so that the states' latencies overlap.
+static inline __attribute__((always_inline)) void
+get_magnitudes(struct decoder *d, const struct coder_tile *tile, coder_band *k, bool siblings, bool own)
+{
+    struct plane planes[CODER_BANDS];
+    planes_start(planes, tile);
+    int columns = tile_columns(tile), rows = tile_rows(tile);
+    struct coder_tile known = *tile;
+    known.siblings = siblings;
+    for (int y = 0; y < rows && !d->bits.spent; y++) {
+        int width[CODER_BANDS];
+        for (int b = tile->first_band; b < tile->bands; b++) {
+            width[b] = y < tile->height[b] ? tile->width[b] : 0;
+            plane_start_row(&planes[b], tile->activity[b] + y * CODER_TILE, y);
+        }
+        for (int x = 0; x < columns; x++)
+#pragma GCC unroll 4
+            for (int b = 0; b < CODER_BANDS; b++) {
+                if (b < tile->first_band || x >= width[b]) continue;
+                uint32_t *state = &d->states[own ? b - tile->first_band : 0];
+                uint32_t magnitude =
+                    get_magnitude(d, state, tile->set[b], plane_sum(planes, &known, b, x, y));
+                plane_row(&planes[b], y)[x] = magnitude;
+                k[b][y * CODER_TILE + x] = (int32_t)magnitude;
+            }
+    }
+}
+
 bool coder_decode(const struct coder_tile *tile, const uint8_t *data, size_t size, coder_band *k)
 {
     for (int b = tile->first_band; b < tile->bands; b++) memset(k[b], 0, sizeof k[b]);
     if (size == 0) return true;
     struct decoder d;
     if (!decoder_init(&d, tile, data, size)) return false;
-    struct plane planes[CODER_BANDS];
-    planes_start(planes, tile);
-    int columns = tile_columns(tile), rows = tile_rows(tile);
-    uint32_t *states[CODER_BANDS];
-    for (int b = tile->first_band; b < tile->bands; b++)
-        states[b] = &d.states[data[0] & OWN_STATES ? b - tile->first_band : 0];
-    for (int y = 0; y < rows && !d.bits.spent; y++) {
-        for (int b = tile->first_band; b < tile->bands; b++)
-            plane_start_row(&planes[b], tile->activity[b] + y * CODER_TILE, y);
-        for (int x = 0; x < columns; x++)
-            for (int b = tile->first_band; b < tile->bands; b++) {
-                if (x >= tile->width[b] || y >= tile->height[b]) continue;
-                uint32_t magnitude =
-                    get_magnitude(&d, states[b], tile->set[b], plane_sum(planes, tile, b, x, y));
-                plane_row(&planes[b], y)[x] = magnitude;
-                k[b][y * CODER_TILE + x] = (int32_t)magnitude;
-            }
-    }
+    bool own = data[0] & OWN_STATES;
+    if (tile->siblings && own)
+        get_magnitudes(&d, tile, k, true, true);
+    else if (tile->siblings)
+        get_magnitudes(&d, tile, k, true, false);
+    else if (own)
+        get_magnitudes(&d, tile, k, false, true);
+    else
+        get_magnitudes(&d, tile, k, false, false);
     // No byte may have been read twice, and none left.
     return get_signs(&d, tile, state_count(tile, data[0]), k) && !d.bits.spent &&
            d.bits.at + (size_t)(d.bits.count / 8) == d.word_at;
