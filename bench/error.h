@@ -33,6 +33,7 @@
 // the near one hides it: corners are snapped to a sub-pixel grid, and the depth of a sliver is no better than
 // its corners.  Such a pixel is drawn.  It is told from ground seen through a crack by its neighbours: across
 // a ridge one continues it and the opposite one is more than RIDGE_RATIO (8) times as far from it in depth.
+// Where a fold is too narrow for that, the captured triangles tell (bench/ridges.h).
 //
 // A column may hold several skylines (a needle above a valley, a map seen from outside, a rolled camera): a
 // pixel is measured to the nearest pixel of sky, and to the other picture's nearest ground, which in a

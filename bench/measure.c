@@ -2,6 +2,7 @@
 // and captured triangles are held against it.  No clock runs here but that of roofline_ms.
 // SPDX-License-Identifier: MIT
 #include "bench/machine.h"
+#include "bench/ridges.h"
 #include "bench/run.h"
 #include "common/report.h"
 
@@ -25,6 +26,7 @@ struct measure { // of one frame, shared by all settings
     double previous_eye_height;
     struct frame_error error;
     float *positions;
+    struct ridges ridges;
     uint8_t *picture;
     struct roofline *roofline;
 };
@@ -36,6 +38,7 @@ static void measure_finish(struct measure *measure)
     places_destroy(measure->hits);
     places_destroy(measure->previous);
     frame_error_finish(&measure->error);
+    ridges_finish(&measure->ridges);
     roofline_destroy(measure->roofline);
     free(measure->temporal_world);
     free(measure->previous_world);
@@ -114,6 +117,7 @@ static void receive_triangles(const float *triangles, size_t count, void *user)
     places_feed(triangles, count, measure->hits);
     if (measure->previous) places_feed(triangles, count, measure->previous);
     roofline_feed(triangles, count, measure->roofline);
+    ridges_feed(&measure->ridges, triangles, count);
 }
 
 // Ground that moved on the screen though only the camera should have moved: |drawn height now - drawn height
@@ -258,6 +262,7 @@ static bool draw_passes(struct measure *measure, struct run *run, struct setting
     gpu_target_read(run->gpu, &run->position, measure->positions);
     places_clear(measure->hits);
     if (measure->previous) places_clear(measure->previous);
+    if (!ridges_begin(&measure->ridges, &measure->view, measure->positions)) return false;
     roofline_begin(measure->roofline, &measure->view);
     if (!gpu_capture_begin(run->gpu, receive_triangles, measure)) return false;
     type->draw(setting->renderer, 0, PASS_DEPTH);

@@ -6,6 +6,7 @@
 #include "tests/test.h"
 
 #include "bench/error.h"
+#include "bench/ridges.h"
 #include "pgm/pgm.h"
 
 #include <string.h>
@@ -111,6 +112,18 @@ static inline void capture_frame(struct gpu *gpu, struct renderer *renderer, con
     gpu_target_finish(&target);
 }
 
+struct measured_capture {
+    struct places *hits;
+    struct ridges ridges;
+};
+
+static inline void receive_measured(const float *triangles, size_t count, void *user)
+{
+    struct measured_capture *capture = user;
+    places_feed(triangles, count, capture->hits);
+    ridges_feed(&capture->ridges, triangles, count);
+}
+
 // Everything that is measured of one frame; finish with frame_error_finish.  `truth` may be NULL, else it is
 // kept for the caller, who finishes it.
 static inline struct frame_error measure_frame(struct gpu *gpu, struct renderer *renderer,
@@ -125,17 +138,18 @@ static inline struct frame_error measure_frame(struct gpu *gpu, struct renderer 
     assert_true(frame_error_init(&error, view->width, view->height));
     truth_cast(truth, surface, view, 0);
     float *positions = draw_frame(gpu, renderer, terrain, view, PASS_POSITION);
-    struct places *hits = truth_places(truth, 0);
-    assert_non_null(hits);
+    struct measured_capture capture = {.hits = truth_places(truth, 0)};
+    assert_true(capture.hits && ridges_begin(&capture.ridges, view, positions));
     struct gpu_target target; // a draw needs one, captured or not
     assert_true(gpu_target_init(gpu, &target, view->width, view->height, GL_RGBA32F));
     gpu_target_begin(gpu, &target);
-    assert_true(gpu_capture_begin(gpu, places_feed, hits));
+    assert_true(gpu_capture_begin(gpu, receive_measured, &capture));
     renderer->type->draw(renderer, 0, PASS_POSITION);
     gpu_capture_end(gpu);
     gpu_target_finish(&target);
-    frame_error_measure(&error, terrain, view, truth, positions, hits, 0);
-    places_destroy(hits);
+    frame_error_measure(&error, terrain, view, truth, positions, capture.hits, 0);
+    places_destroy(capture.hits);
+    ridges_finish(&capture.ridges);
     free(positions);
     truth_surface_destroy(surface);
     if (truth == &own) truth_finish(&own);
