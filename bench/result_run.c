@@ -298,8 +298,9 @@ cJSON *result_run(const struct run *run, struct setting *setting, struct result_
     add_coverage(json, "spills", setting, get_spills);
     struct error_summary temporal = error_samples_summary(&setting->temporal_px);
     cJSON *temporal_json = cJSON_AddObjectToObject(json, "temporal_px");
-    result_add_number(temporal_json, "p999", temporal.samples ? temporal.p999 : (double)NAN);
-    result_add_number(temporal_json, "max", temporal.samples ? temporal.max : (double)NAN);
+    bool moves_known = setting->measured && temporal.samples > 0;
+    result_add_number(temporal_json, "p999", moves_known ? temporal.p999 : (double)NAN);
+    result_add_number(temporal_json, "max", moves_known ? temporal.max : (double)NAN);
     add_counters(json, setting);
     if (setting->measured)
         cJSON_AddStringToObject(json, "pictures_sha256", setting->pictures_sha256);
