@@ -510,7 +510,7 @@ get_magnitudes(struct decoder *d, const struct coder_tile *tile, coder_band *k, 
     struct coder_tile known = *tile;
     known.siblings = siblings;
     for (int y = 0; y < rows && !d->bits.spent; y++) {
-        int width[CODER_BANDS];
+        int width[CODER_BANDS] = {0}; // a tile may have fewer bands
         for (int b = tile->first_band; b < tile->bands; b++) {
             width[b] = y < tile->height[b] ? tile->width[b] : 0;
             plane_start_row(&planes[b], tile->activity[b] + y * CODER_TILE, y);
