@@ -5,6 +5,7 @@
 
 #include "clipmap/clipmap.h"
 #include "tests/unit/test_clipmap.h"
+#include "tests/gpu/settings.h"
 
 #include <string.h>
 
@@ -58,18 +59,7 @@ static inline struct renderer *create(const struct fixture *f, const struct terr
 {
     struct renderer_desc desc = {
         .gpu = f->gpu, .terrain = terrain, .effects = &effects, .width = WIDTH, .height = HEIGHT};
-    char text[128];
-    renderer_default_knobs(&clipmap_renderer, desc.knobs);
-    snprintf(text, sizeof text, "%s", settings);
-    for (char *word = strtok(text, " "); word; word = strtok(NULL, " ")) {
-        char *value = strchr(word, '=');
-        assert_non_null(value);
-        *value++ = 0;
-        assert_true(renderer_parse_knob(&clipmap_renderer, word, value, desc.knobs));
-    }
-    struct renderer *renderer = clipmap_renderer.create(&desc);
-    assert_non_null(renderer);
-    return renderer;
+    return create_with(&clipmap_renderer, desc, settings);
 }
 
 static inline void update(struct renderer *renderer, const struct view *view)

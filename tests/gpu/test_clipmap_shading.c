@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: MIT
 #include "clipmap/clipmap.h"
 #include "clipmap/clipmap_levels.h"
+#include "tests/gpu/settings.h"
 #include "tests/unit/test_clipmap.h"
 
 #include <string.h>
@@ -59,18 +60,7 @@ static struct renderer *create(const struct fixture *f, const struct terrain *te
 {
     struct renderer_desc desc = {
         .gpu = f->gpu, .terrain = terrain, .effects = effects, .width = WIDTH, .height = HEIGHT};
-    char text[128];
-    renderer_default_knobs(&clipmap_renderer, desc.knobs);
-    snprintf(text, sizeof text, "%s", settings);
-    for (char *word = strtok(text, " "); word; word = strtok(NULL, " ")) {
-        char *value = strchr(word, '=');
-        assert_non_null(value);
-        *value++ = 0;
-        assert_true(renderer_parse_knob(&clipmap_renderer, word, value, desc.knobs));
-    }
-    struct renderer *renderer = clipmap_renderer.create(&desc);
-    assert_non_null(renderer);
-    return renderer;
+    return create_with(&clipmap_renderer, desc, settings);
 }
 
 static void update(struct renderer *renderer, const struct view *view)

@@ -4,6 +4,7 @@
 #include "tests/unit/test_geomipmap.h"
 #include "bench/error.h"
 #include "geomipmap/geomipmap.h"
+#include "tests/gpu/settings.h"
 
 #include <string.h>
 
@@ -52,18 +53,7 @@ static struct renderer *create(const struct fixture *f, const struct terrain *te
 {
     struct renderer_desc desc = {
         .gpu = f->gpu, .terrain = terrain, .effects = &effects, .width = WIDTH, .height = HEIGHT};
-    char text[128];
-    renderer_default_knobs(&geomipmap_renderer, desc.knobs);
-    snprintf(text, sizeof text, "%s", settings);
-    for (char *word = strtok(text, " "); word; word = strtok(NULL, " ")) {
-        char *value = strchr(word, '=');
-        assert_non_null(value);
-        *value++ = 0;
-        assert_true(renderer_parse_knob(&geomipmap_renderer, word, value, desc.knobs));
-    }
-    struct renderer *renderer = geomipmap_renderer.create(&desc);
-    assert_non_null(renderer);
-    return renderer;
+    return create_with(&geomipmap_renderer, desc, settings);
 }
 
 // Above the ground of the map by `low` .. `high` metres, looking anywhere, rolled.

@@ -2,6 +2,7 @@
 // sub-textures never exceed the ceiling.
 // SPDX-License-Identifier: MIT
 #include "geomipmap/geomipmap.h"
+#include "tests/gpu/settings.h"
 #include "tests/unit/test_geomipmap.h"
 
 #include <string.h>
@@ -77,18 +78,7 @@ static struct renderer *create(const struct fixture *f, struct scene_colour *col
     const struct scene_effects effects = {SCENE_SHADING_OWN, colour};
     struct renderer_desc desc = {
         .gpu = f->gpu, .terrain = f->terrain, .effects = &effects, .width = WIDTH, .height = HEIGHT};
-    char text[128];
-    renderer_default_knobs(&geomipmap_renderer, desc.knobs);
-    snprintf(text, sizeof text, "%s", settings);
-    for (char *word = strtok(text, " "); word; word = strtok(NULL, " ")) {
-        char *value = strchr(word, '=');
-        assert_non_null(value);
-        *value++ = 0;
-        assert_true(renderer_parse_knob(&geomipmap_renderer, word, value, desc.knobs));
-    }
-    struct renderer *renderer = geomipmap_renderer.create(&desc);
-    assert_non_null(renderer);
-    return renderer;
+    return create_with(&geomipmap_renderer, desc, settings);
 }
 
 static double counter(const struct renderer *renderer, const char *name)

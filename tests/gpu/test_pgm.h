@@ -8,6 +8,7 @@
 #include "bench/error.h"
 #include "bench/ridges.h"
 #include "pgm/pgm.h"
+#include "tests/gpu/settings.h"
 
 #include <string.h>
 
@@ -44,18 +45,7 @@ static inline struct renderer *make_shaded_pgm(struct gpu *gpu, const struct ter
 {
     struct renderer_desc desc = {
         .gpu = gpu, .terrain = terrain, .effects = effects, .width = 640, .height = 480};
-    char text[256];
-    renderer_default_knobs(&pgm_renderer, desc.knobs);
-    snprintf(text, sizeof text, "%s", options);
-    for (char *rest = NULL, *word = strtok_r(text, " ", &rest); word; word = strtok_r(NULL, " ", &rest)) {
-        char *value = strchr(word, '=');
-        assert_non_null(value);
-        *value++ = 0;
-        assert_true(renderer_parse_knob(&pgm_renderer, word, value, desc.knobs));
-    }
-    struct renderer *renderer = pgm_renderer.create(&desc);
-    assert_non_null(renderer);
-    return renderer;
+    return create_with(&pgm_renderer, desc, options);
 }
 
 static inline struct renderer *make_pgm(struct gpu *gpu, const struct terrain *terrain, const char *options)

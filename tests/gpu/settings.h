@@ -1,0 +1,28 @@
+// A renderer made from settings in words, as the GPU tests name them. SPDX-License-Identifier: MIT
+#ifndef TESTS_GPU_SETTINGS_H
+#define TESTS_GPU_SETTINGS_H
+
+#include "common/renderer.h"
+#include "tests/test.h"
+
+#include <string.h>
+
+// settings: "n=31 stitch=none"; the rest as by default.  desc: all but the knobs.
+static inline struct renderer *create_with(const struct renderer_type *type, struct renderer_desc desc,
+                                           const char *settings)
+{
+    char text[256];
+    renderer_default_knobs(type, desc.knobs);
+    snprintf(text, sizeof text, "%s", settings);
+    for (char *rest = NULL, *word = strtok_r(text, " ", &rest); word; word = strtok_r(NULL, " ", &rest)) {
+        char *value = strchr(word, '=');
+        assert_non_null(value);
+        *value++ = 0;
+        assert_true(renderer_parse_knob(type, word, value, desc.knobs));
+    }
+    struct renderer *renderer = type->create(&desc);
+    assert_non_null(renderer);
+    return renderer;
+}
+
+#endif
