@@ -40,7 +40,7 @@ METHODS   := $(call objects,$(call sources,$(RENDERERS:%=%/*.c)))
 BENCH     := $(call objects,$(call sources,bench/*.c))
 PROGRAMS  := $(patsubst %/main.c,%,$(MAINS:common/%=%))
 TESTS     := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/hard/test_*.c tests/gpu/test_*.c tests/unit/test_*.c)) # long ones first
-HEADERS   := $(wildcard common/*.h common/*/*.h $(RENDERERS:%=%/*.h) bench/*.h tests/*.h)
+HEADERS   := $(wildcard common/*.h common/*/*.h $(RENDERERS:%=%/*.h) bench/*.h tests/*.h tests/*/*.h)
 ALL_C     := $(wildcard common/*.c common/*/*.c $(RENDERERS:%=%/*.c) bench/*.c tests/*/*.c) $(HEADERS)
 
 all: $(PROGRAMS:%=$(BUILD)/%) ## the programs: bench, clipmap, geomipmap, pgm, terrain

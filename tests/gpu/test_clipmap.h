@@ -4,8 +4,8 @@
 #define TESTS_GPU_TEST_CLIPMAP_H
 
 #include "clipmap/clipmap.h"
-#include "tests/unit/test_clipmap.h"
 #include "tests/gpu/settings.h"
+#include "tests/unit/test_clipmap.h"
 
 #include <string.h>
 
