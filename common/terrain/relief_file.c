@@ -6,10 +6,25 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
+
+enum { TILES_A_MARK = 64 };
+_Static_assert(CODER_MAX_BYTES <= UINT16_MAX, "the bytes of a tile are kept in 16 bits");
+
+// Index and side section as they are kept: 11 bytes a tile, and 8 for TILES_A_MARK.
+struct tile_table {
+    uint16_t *bytes;
+    uint64_t *mark; // where every TILES_A_MARK-th tile begins in the payload
+    uint32_t *crc;
+    uint16_t (*extrema)[2]; // (q - low) >> shift, the lowest downwards, the highest upwards
+    uint8_t *error_code;
+    int32_t low;
+    int shift; // 0 where heights span 65,535 quanta at most
+};
 
 struct relief {
     char path[1024];
@@ -18,7 +33,8 @@ struct relief {
     struct grid grid;
     int32_t step[LAYOUT_LEVELS][CODER_BANDS]; // of the base: [count - 1][0]
     int32_t base[LAYOUT_BASE * LAYOUT_BASE];  // internal units
-    struct relief_tile_side *tiles;
+    struct tile_table tiles;
+    atomic_bool told; // that a tile is harmed: once is enough, whatever number of threads meet it
 };
 
 // ---- opening ---------------------------------------------------------------
@@ -99,29 +115,67 @@ static bool parse_index(struct relief *r, const uint8_t *data)
     for (int64_t i = 0; i < r->grid.tile_count; i++) {
         uint64_t bytes = relief_get_varint(&reader);
         if (bytes > CODER_MAX_BYTES) return false;
-        r->tiles[i].bytes = (uint32_t)bytes;
-        r->tiles[i].offset = offset;
+        if (i % TILES_A_MARK == 0) r->tiles.mark[i / TILES_A_MARK] = offset;
+        r->tiles.bytes[i] = (uint16_t)bytes;
         offset += bytes;
     }
     return !reader.bad && reader.at == reader.end && offset == r->header.payload_bytes;
 }
 
+// The side section tile by tile; false where it makes no sense.
+static bool next_side(const struct relief *r, struct relief_reader *reader, int64_t number, int64_t *low,
+                      struct relief_tile_side *tile)
+{
+    tile->crc = r->tiles.bytes[number] ? relief_get_u32(reader) : 0;
+    *low = (int64_t)((uint64_t)*low + (uint64_t)relief_get_difference(reader));
+    uint64_t span = relief_get_varint(reader);
+    if (*low < -QUANTA_LIMIT || *low > QUANTA_LIMIT || span > 2 * QUANTA_LIMIT || reader->at >= reader->end)
+        return false;
+    tile->min_q = (int32_t)*low;
+    tile->max_q = (int32_t)(*low + (int64_t)span);
+    tile->error_code = *reader->at++;
+    return true;
+}
+
 static bool parse_side(struct relief *r, const uint8_t *data)
 {
     struct relief_reader reader = {data, data + r->header.side_bytes, false};
+    struct relief_tile_side tile;
+    struct tile_table *table = &r->tiles;
     int64_t low = 0;
+    int32_t least = INT32_MAX, most = INT32_MIN;
     for (int64_t i = 0; i < r->grid.tile_count; i++) {
-        struct relief_tile_side *tile = &r->tiles[i];
-        if (tile->bytes) tile->crc = relief_get_u32(&reader);
-        low = (int64_t)((uint64_t)low + (uint64_t)relief_get_difference(&reader));
-        uint64_t span = relief_get_varint(&reader);
-        if (low < -QUANTA_LIMIT || low > QUANTA_LIMIT || span > 2 * QUANTA_LIMIT) return false;
-        tile->min_q = (int32_t)low;
-        tile->max_q = (int32_t)(low + (int64_t)span);
-        if (reader.at >= reader.end) return false;
-        tile->error_code = *reader.at++;
+        if (!next_side(r, &reader, i, &low, &tile)) return false;
+        least = tile.min_q < least ? tile.min_q : least;
+        most = tile.max_q > most ? tile.max_q : most;
     }
-    return !reader.bad && reader.at == reader.end;
+    if (reader.bad || reader.at != reader.end) return false;
+    table->low = least;
+    while (r->grid.tile_count && (most - least + (1 << table->shift) - 1) >> table->shift > UINT16_MAX)
+        table->shift++;
+    reader.at = data;
+    low = 0;
+    for (int64_t i = 0; i < r->grid.tile_count; i++) {
+        if (!next_side(r, &reader, i, &low, &tile)) return false;
+        table->crc[i] = tile.crc;
+        table->extrema[i][0] = (uint16_t)((tile.min_q - least) >> table->shift);
+        table->extrema[i][1] = (uint16_t)((tile.max_q - least + (1 << table->shift) - 1) >> table->shift);
+        table->error_code[i] = tile.error_code;
+    }
+    return true;
+}
+
+static bool allocate_tiles(struct relief *r)
+{
+    size_t count = (size_t)r->grid.tile_count + 1;
+    struct tile_table *table = &r->tiles;
+    table->bytes = malloc(count * sizeof *table->bytes);
+    table->mark = malloc((count / TILES_A_MARK + 1) * sizeof *table->mark);
+    table->crc = malloc(count * sizeof *table->crc);
+    table->extrema = malloc(count * sizeof *table->extrema);
+    table->error_code = malloc(count);
+    return (table->bytes && table->mark && table->crc && table->extrema && table->error_code) ||
+           fail("%s: its index does not fit in memory", r->path);
 }
 
 static bool read_sections(struct relief *r)
@@ -134,8 +188,7 @@ static bool read_sections(struct relief *r)
         (uint64_t)r->grid.tile_count) // a byte a tile at least: memory follows the file's size
         return fail("%s: its index has fewer tiles than %lld x %lld samples need; the file is harmed",
                     r->path, (long long)h->size[0], (long long)h->size[1]);
-    r->tiles = calloc((size_t)r->grid.tile_count + 1, sizeof *r->tiles);
-    if (!r->tiles) return fail("%s: its index does not fit in memory", r->path);
+    if (!allocate_tiles(r)) return false;
     const struct {
         const char *name;
         uint64_t offset, size;
@@ -174,7 +227,11 @@ void relief_close(struct relief *relief)
 {
     if (!relief) return;
     if (relief->file >= 0) close(relief->file);
-    free(relief->tiles);
+    free(relief->tiles.bytes);
+    free(relief->tiles.mark);
+    free(relief->tiles.crc);
+    free(relief->tiles.extrema);
+    free(relief->tiles.error_code);
     free(relief);
 }
 
@@ -194,9 +251,37 @@ uint64_t relief_sample_bytes(const struct relief *relief)
     return RELIEF_HEADER + h->payload_bytes + h->base_bytes + h->index_bytes;
 }
 
-const struct relief_tile_side *relief_side(const struct relief *relief, int64_t number)
+struct relief_tile_side relief_side(const struct relief *relief, int64_t number)
 {
-    return &relief->tiles[number];
+    const struct tile_table *table = &relief->tiles;
+    struct relief_tile_side side = {.offset = table->mark[number / TILES_A_MARK],
+                                    .bytes = table->bytes[number],
+                                    .crc = table->crc[number],
+                                    .min_q = table->low + (table->extrema[number][0] << table->shift),
+                                    .max_q = table->low + (table->extrema[number][1] << table->shift),
+                                    .error_code = table->error_code[number]};
+    for (int64_t i = number - number % TILES_A_MARK; i < number; i++) side.offset += table->bytes[i];
+    return side;
+}
+
+void relief_bounds(const struct relief *relief, int64_t number, int32_t *min_q, int32_t *max_q)
+{
+    const struct tile_table *table = &relief->tiles;
+    *min_q = table->low + (table->extrema[number][0] << table->shift);
+    *max_q = table->low + (table->extrema[number][1] << table->shift);
+}
+
+uint32_t relief_tile_error(const struct relief *relief, int64_t number)
+{
+    return relief_error_of(relief->tiles.error_code[number]);
+}
+
+size_t relief_resident_bytes(const struct relief *relief)
+{
+    size_t tiles = (size_t)relief->grid.tile_count;
+    const struct tile_table *t = &relief->tiles;
+    return sizeof *relief + tiles * (sizeof *t->bytes + sizeof *t->crc + sizeof *t->extrema + 1) +
+           tiles / TILES_A_MARK * sizeof *t->mark;
 }
 
 // ---- decoding --------------------------------------------------------------
@@ -235,21 +320,27 @@ struct rect relief_coarse_rect(const struct relief *r, int level, const struct r
     return layout_coarse_rect(&r->grid, level, t.x0, t.y0, t.x1, t.y1);
 }
 
+// Says it once.
+static bool harmed(const struct relief *r, int level, int64_t tx, int64_t ty, const char *what)
+{
+    if (!atomic_exchange(&((struct relief *)r)->told, true))
+        fail("%s: tile (%lld, %lld) of level %d %s", r->path, (long long)tx, (long long)ty, level, what);
+    return false;
+}
+
 // Coefficients of a tile.
 static bool read_tile(const struct relief *r, int level, int64_t tx, int64_t ty, const struct patch *coarse,
                       struct layout_tile *tile, coder_band *k)
 {
     uint8_t data[CODER_MAX_BYTES];
-    const struct relief_tile_side *side =
-        &r->tiles[r->grid.first_tile[level] + ty * r->grid.tiles[level][0] + tx];
+    struct relief_tile_side side =
+        relief_side(r, r->grid.first_tile[level] + ty * r->grid.tiles[level][0] + tx);
     layout_tile_init(tile, r->header.layout, &r->grid, level, tx, ty, coarse, r->step[level]);
-    if (!read_at(r->file, data, side->bytes, RELIEF_HEADER + side->offset))
-        return fail("%s: tile (%lld, %lld) of level %d cannot be read", r->path, (long long)tx, (long long)ty,
-                    level);
-    if ((side->bytes && relief_crc(data, side->bytes) != side->crc) ||
-        !coder_decode(&tile->coder, data, side->bytes, k))
-        return fail("%s: tile (%lld, %lld) of level %d is harmed", r->path, (long long)tx, (long long)ty,
-                    level);
+    if (!read_at(r->file, data, side.bytes, RELIEF_HEADER + side.offset))
+        return harmed(r, level, tx, ty, "cannot be read; the file is cut short or cannot be reached");
+    if ((side.bytes && relief_crc(data, side.bytes) != side.crc) ||
+        !coder_decode(&tile->coder, data, side.bytes, k))
+        return harmed(r, level, tx, ty, "is harmed");
     return true;
 }
 
@@ -340,7 +431,7 @@ bool relief_units(const struct relief *r, int level, const struct patch *wanted)
     return good;
 }
 
-static void to_quanta(const struct relief *r, int32_t *samples, int64_t count)
+void relief_quanta(const struct relief *r, int32_t *samples, int64_t count)
 {
     int bits = r->header.fraction_bits;
     int32_t round = bits ? 1 << (bits - 1) : 0;
@@ -355,7 +446,7 @@ bool relief_window(const struct relief *r, int level, int64_t x0, int64_t y0, in
 {
     const struct patch wanted = {{x0, y0, x0 + width, y0 + height}, out};
     if (!relief_units(r, level, &wanted)) return false;
-    to_quanta(r, out, width * height);
+    relief_quanta(r, out, width * height);
     return true;
 }
 

@@ -12,8 +12,8 @@
 
 struct relief; // opaque; may be read from several threads
 
-// NULL after one line on stderr.  Holds the index and the side section in memory, never more than a fixed
-// multiple of the file's size.
+// NULL after one line on stderr.  Keeps the index and the side section in memory, 11 bytes a tile; never more
+// than a fixed multiple of the file's size.
 struct relief *relief_open(const char *path);
 void relief_close(struct relief *relief); // accepts NULL
 
@@ -24,22 +24,32 @@ const struct grid *relief_grid(const struct relief *relief);
 uint64_t relief_sample_bytes(const struct relief *relief);
 
 // What the side section says of tile `number` (grid.first_tile + ty * tiles[0] + tx): its samples reach from
-// LAYOUT_SAMPLES * t to LAYOUT_SAMPLES * (t + 1), both ends included.
+// LAYOUT_SAMPLES * t to LAYOUT_SAMPLES * (t + 1), both ends included.  Extrema are exact unless the file's
+// heights span more than 65,535 quanta; then they are conservative.
 struct relief_tile_side {
     uint64_t offset; // of the tile's bytes in the payload
     uint32_t bytes, crc;
     int32_t min_q, max_q;
     uint8_t error_code; // relief_error_of: largest difference from level 0 over the tile, in quanta
 };
-const struct relief_tile_side *relief_side(const struct relief *relief, int64_t number);
+struct relief_tile_side relief_side(const struct relief *relief, int64_t number);
+// Parts of it, in constant time; the error in quanta.
+void relief_bounds(const struct relief *relief, int64_t number, int32_t *min_q, int32_t *max_q);
+uint32_t relief_tile_error(const struct relief *relief, int64_t number);
+
+size_t relief_resident_bytes(const struct relief *relief);
 
 // Samples of `level`, row 0 south, in quanta: the same whatever window they are read in.  The window lies
-// within the level.  False after one line on stderr: the file is harmed, cannot be read, or memory ran out.
+// within the level.  False after one line on stderr, the first time: the file is harmed, cannot be read, or
+// memory ran out.
 bool relief_window(const struct relief *relief, int level, int64_t x0, int64_t y0, int64_t width,
                    int64_t height, int32_t *out);
 
 // The same in internal units, rounded to nothing: what relief_refine reads.
 bool relief_units(const struct relief *relief, int level, const struct patch *wanted);
+
+// Internal units to quanta.
+void relief_quanta(const struct relief *relief, int32_t *samples, int64_t count);
 
 // The next level alone, as a viewer reads it: `coarse` holds internal units of the coarser level, at least
 // what relief_coarse_rect says, and `wanted` receives internal units.

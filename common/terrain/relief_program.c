@@ -122,13 +122,13 @@ int relief_unpack_main(int argc, char **argv)
 static double level_error_m(const struct relief *relief, int level)
 {
     const struct grid *grid = relief_grid(relief);
-    uint8_t most = 0;
+    uint32_t most = 0;
     if (level < grid->count - 1)
         for (int64_t i = 0; i < grid->tiles[level][0] * grid->tiles[level][1]; i++) {
-            uint8_t code = relief_side(relief, grid->first_tile[level] + i)->error_code;
-            most = code > most ? code : most;
+            uint32_t error_q = relief_tile_error(relief, grid->first_tile[level] + i);
+            most = error_q > most ? error_q : most;
         }
-    return relief_error_of(most) * relief_header(relief)->quantum_m;
+    return most * relief_header(relief)->quantum_m;
 }
 
 static void print_info_json(const struct relief *relief, double bytes)

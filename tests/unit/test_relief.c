@@ -387,7 +387,7 @@ static void test_side_section_holds(void **state)
                 const int64_t *size = grid->size[l];
                 for (int64_t t = 0; t < grid->tiles[l][0] * grid->tiles[l][1]; t++) {
                     int64_t tx = t % grid->tiles[l][0], ty = t / grid->tiles[l][0];
-                    const struct relief_tile_side *side = relief_side(relief, grid->first_tile[l] + t);
+                    struct relief_tile_side side = relief_side(relief, grid->first_tile[l] + t);
                     int32_t low = INT32_MAX, high = INT32_MIN;
                     for (int64_t y = ty * LAYOUT_SAMPLES; y <= (ty + 1) * LAYOUT_SAMPLES && y < size[1]; y++)
                         for (int64_t x = tx * LAYOUT_SAMPLES; x <= (tx + 1) * LAYOUT_SAMPLES && x < size[0];
@@ -396,11 +396,11 @@ static void test_side_section_holds(void **state)
                             low = q < low ? q : low;
                             high = q > high ? q : high;
                         }
-                    assert_int_equal(side->min_q, low);
-                    assert_int_equal(side->max_q, high);
+                    assert_int_equal(side.min_q, low);
+                    assert_int_equal(side.max_q, high);
                     double error =
                         surface_error(fine, grid->size[0][0], grid->size[0][1], samples, size, l, tx, ty);
-                    assert_true(relief_error_of(side->error_code) >= error);
+                    assert_true(relief_error_of(side.error_code) >= error);
                 }
                 free(samples);
             }
