@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { ROWS_A_BLOCK = 8, HOLE_UNDER_SKYLINE = 8, RIDGE_RATIO = 8 };
+enum { ROWS_A_BLOCK = 8, HOLE_UNDER_SKYLINE = 8 };
 
 bool frame_error_init(struct frame_error *error, int width, int height)
 {
@@ -148,34 +148,6 @@ static void measure_ground(struct measuring *m, size_t pixel, size_t hit)
     m->error->kind[pixel] = PIXEL_GROUND;
 }
 
-static double depth_of(const struct view *view, const float position[4])
-{
-    const double *f = view->forward;
-    return f[0] * (double)position[0] + f[1] * (double)position[1] + f[2] * (double)position[2];
-}
-
-// The far slope of a ridge line that passes through the pixel (error.h): along the pair of opposite
-// neighbours that differs most, one is at the pixel's own depth, the other far from it.  On an unbroken slope
-// both differ alike, and so they do around a crack.
-static bool is_ridge(const struct measuring *m, int x, int y)
-{
-    static const int pairs[4][2] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
-    const int width = m->error->width, height = m->error->height;
-    const float *own = m->positions + 4 * ((size_t)y * (size_t)width + (size_t)x);
-    if (!(own[3] < 0) || x == 0 || y == 0 || x == width - 1 || y == height - 1) return false;
-    double depth = depth_of(m->view, own), most = 0, least = 0;
-    for (int k = 0; k < 4; k++) {
-        ptrdiff_t step = 4 * ((ptrdiff_t)pairs[k][1] * width + pairs[k][0]);
-        if (!is_drawn(own + step) || !is_drawn(own - step)) continue;
-        double one = fabs(depth_of(m->view, own + step) - depth),
-               other = fabs(depth_of(m->view, own - step) - depth);
-        if (fmax(one, other) <= most) continue;
-        most = fmax(one, other);
-        least = fmin(one, other);
-    }
-    return RIDGE_RATIO * least < most;
-}
-
 static void measure_rows(int block, void *user)
 {
     struct measuring *m = user;
@@ -185,7 +157,7 @@ static void measure_rows(int block, void *user)
         size_t pixel = (size_t)y * (size_t)error->width, hit = m->truth->row_first[y];
         for (int x = 0; x < error->width; x++, pixel++) {
             bool ground = m->truth->pixels[pixel].depth > 0;
-            bool drawn = is_drawn(m->positions + 4 * pixel) || is_ridge(m, x, y);
+            bool drawn = is_drawn(m->positions + 4 * pixel);
             error->error_px[pixel] = error->plane_px[pixel] = NAN;
             error->kind[pixel] = ground ? PIXEL_HOLE : drawn ? PIXEL_SPILL : PIXEL_SKY;
             if (ground != drawn && m->truth->pixels[pixel].skyline) error->kind[pixel] = PIXEL_SKY; // error.h

@@ -29,11 +29,8 @@
 // ground and sky are both right: a pixel drawn as the other of the two is no miss and no spill, and no
 // sample.
 //
-// Where a ridge line passes through a pixel, the rasteriser may show the far slope, which faces away, though
-// the near one hides it: corners are snapped to a sub-pixel grid, and the depth of a sliver is no better than
-// its corners.  Such a pixel is drawn.  It is told from ground seen through a crack by its neighbours: across
-// a ridge one continues it and the opposite one is more than RIDGE_RATIO (8) times as far from it in depth.
-// Where a fold is too narrow for that, the captured triangles tell (bench/ridges.h).
+// A pixel drawn from below is not drawn: ground seen through a crack.  Where the sub-pixel grid broke a ridge
+// line open, the captured triangles tell (bench/ridges.h), and its pixels come in here as drawn.
 //
 // A column may hold several skylines (a needle above a valley, a map seen from outside, a rolled camera): a
 // pixel is measured to the nearest pixel of sky, and to the other picture's nearest ground, which in a
