@@ -45,9 +45,7 @@ static const struct renderer_knob knobs[] = {
      CLIPMAP_LAYOUT_BLOCKS, 0, 1, "blocks|strips"},
     {"fade", "fade a level before the viewer's height switches it off", 1, 0, 1, "off|on"},
     {"cull", "draw only what the frustum meets", 1, 0, 1, "off|on"},
-    {"faces",
-     "triangles drawn: both sides of the surface, or only those that face the eye (may drop a pixel)", 0, 0,
-     1, "both|front"},
+    {"faces", RENDERER_FACES_HELP, RENDERER_FACES_SAFE, 0, 2, RENDERER_FACES_CHOICES},
     {"refill", "samples read each frame: those that the motion exposes, or every level whole (to compare)", 0,
      0, 1, "exposed|whole"},
     {"budget",
@@ -90,6 +88,13 @@ struct clipmap_view { // the levels about one viewer, and what was selected for 
     int levels_behind;        // that do not hold what the viewer wants
     int levels_read;          // by the last update
     double spacing_px;        // of its view, clipmap_spacing_px
+    bool below_ground;        // the viewer is
+};
+
+enum { // programs of a pass, by bits: for split cells, and for what lies inside the map's outline
+    PROGRAM_SPLIT = 1,
+    PROGRAM_INSIDE = 2,
+    CLIPMAP_PROGRAMS = 4
 };
 
 struct clipmap_program {
@@ -104,7 +109,7 @@ struct clipmap {
     const struct terrain *terrain;
     struct clipmap_shape shape;
     struct clipmap_choice choice;
-    bool front_only; // back faces are culled
+    enum renderer_faces faces;
     bool rebuild;    // every level is read whole each frame
     bool fitted;     // regions are fitted to the frustum
     uint64_t budget; // samples a frame and view
@@ -115,7 +120,7 @@ struct clipmap {
     struct clipmap_scratch scratch;
     struct clipmap_view views[RENDERER_MAX_VIEWS]; // each is made when it is first used
     int view_count;
-    struct clipmap_program programs[PASS_COUNT], split_programs[PASS_COUNT];
+    struct clipmap_program programs[PASS_COUNT][CLIPMAP_PROGRAMS];
     GLuint indices;
 };
 
@@ -236,6 +241,7 @@ static void update_view(struct clipmap *c, struct clipmap_view *own, const struc
     int finest = terrain_info(c->terrain)->finest, heading[2];
     const struct clipmap_fit *fits = c->fitted ? own->fits : NULL;
     turn(own, view, heading);
+    own->below_ground = height_m < 0;
     for (int k = 0; k < c->shape.levels; k++) own->eyes[k] = view_level_origin(view, finest + k);
     if (c->fitted) clipmap_fit(&c->shape, c->terrain, view, own->eyes, own->fits);
     own->spacing_px =
@@ -310,15 +316,18 @@ static void set_level(const struct clipmap *c, const struct clipmap_program *pro
         clipmap_shading_set_level(&view->shading, &program->shading, k, view->regions, view->eyes);
 }
 
-static void draw_some(const struct clipmap *c, const struct clipmap_program *program,
-                      const struct clipmap_view *view, int first, int end)
+// Of the draws first .. end - 1, those of one way.
+static void draw_way(const struct clipmap *c, const struct clipmap_program *program,
+                     const struct clipmap_view *view, int first, int end, int way)
 {
-    if (first == end) return;
-    gpu_use_program(c->gpu, &program->program);
-    glUniform1i(program->heights, HEIGHTS_UNIT);
     for (int i = first, level = -1; i < end; i++) {
         const struct clipmap_draw *draw = &view->selection.draws[i];
         const struct clipmap_list *list = &draw->list;
+        if (draw->way != way) continue;
+        if (level < 0) {
+            gpu_use_program(c->gpu, &program->program);
+            glUniform1i(program->heights, HEIGHTS_UNIT);
+        }
         if (draw->level != level) set_level(c, program, view, level = draw->level);
         glVertexAttribIPointer(0, 2, GL_INT, 0,
                                (const void *)((uintptr_t)draw->first * sizeof *view->selection.corners));
@@ -328,24 +337,42 @@ static void draw_some(const struct clipmap *c, const struct clipmap_program *pro
     }
 }
 
+static bool front_only(const struct clipmap *c, const struct clipmap_view *view, int way)
+{
+    if (c->faces == RENDERER_FACES_SAFE) return way & CLIPMAP_WITHIN_VIEW && !view->below_ground;
+    return c->faces == RENDERER_FACES_FRONT;
+}
+
+// cull: back faces may be.
+static void draw_some(const struct clipmap *c, const struct clipmap_view *view, enum render_pass pass,
+                      bool split, int first, int end, bool cull)
+{
+    for (int way = CLIPMAP_WAYS - 1; way >= 0; way--) {
+        int kind = (split ? PROGRAM_SPLIT : 0) | (way & CLIPMAP_WITHIN_MAP ? PROGRAM_INSIDE : 0);
+        if (cull && front_only(c, view, way))
+            glEnable(GL_CULL_FACE);
+        else
+            glDisable(GL_CULL_FACE);
+        draw_way(c, &c->programs[pass][kind], view, first, end, way);
+    }
+    glDisable(GL_CULL_FACE);
+}
+
 static void draw(struct renderer *renderer, int view_index, enum render_pass pass)
 {
     struct clipmap *c = (struct clipmap *)renderer;
     const struct clipmap_view *view = &c->views[view_index];
     bool split = c->choice.stitch == CLIPMAP_STITCH_SPLIT;
+    bool cull = pass != PASS_POSITION; // measuring looks for faces seen from below
     int draws = view->selection.draw_count, blocks = draws - view->selection.stitch_draws;
     glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
     glBindTexture(GL_TEXTURE_2D_ARRAY, view->heights);
     glBindVertexArray(view->vertex_array);
     glBindBuffer(GL_ARRAY_BUFFER, view->corners);
     if (c->own_shading) clipmap_shading_begin(&view->shading);
-    if (c->front_only && pass != PASS_POSITION)
-        glEnable(GL_CULL_FACE); // measuring looks for faces seen from below
-    draw_some(c, &c->programs[pass], view, 0, blocks);
-    if (!split)
-        glDisable(GL_CULL_FACE); // a triangle of no area fills a dropped pixel whichever way it seems to face
-    draw_some(c, split ? &c->split_programs[pass] : &c->programs[pass], view, blocks, draws);
-    glDisable(GL_CULL_FACE);
+    draw_some(c, view, pass, false, 0, blocks, cull);
+    // A triangle of no area fills a dropped pixel whichever way it seems to face.
+    draw_some(c, view, pass, split, blocks, draws, cull && split);
     if (c->own_shading) clipmap_shading_end();
 }
 
@@ -396,16 +423,17 @@ static bool build_program(struct clipmap *c, struct clipmap_program *p, const ch
 static bool build_programs(struct clipmap *c, const struct scene_effects *effects)
 {
     const char *alpha = c->shape.rules.alpha == CLIPMAP_ALPHA_PUBLISHED ? "#define PUBLISHED_ALPHA\n" : "";
-    char defines[160], split_defines[160], shading[64];
+    char defines[192], shading[64];
     clipmap_shading_defines(&c->shading_rules, shading);
-    snprintf(defines, sizeof defines, "#define SIZE %d\n#define ROW %d\n%s%s", c->shape.size, CLIPMAP_ROW,
-             alpha, shading);
-    snprintf(split_defines, sizeof split_defines, "#define SIZE %d\n#define ROW %d\n#define SPLIT\n%s%s",
-             c->shape.size, CLIPMAP_HALF_ROW, alpha, shading);
-    for (int pass = 0; pass < PASS_COUNT; pass++)
-        if (!build_program(c, &c->programs[pass], defines, effects, (enum render_pass)pass) ||
-            !build_program(c, &c->split_programs[pass], split_defines, effects, (enum render_pass)pass))
-            return false;
+    for (int kind = 0; kind < CLIPMAP_PROGRAMS; kind++) {
+        bool split = kind & PROGRAM_SPLIT;
+        snprintf(defines, sizeof defines, "#define SIZE %d\n#define ROW %d\n%s%s%s%s", c->shape.size,
+                 split ? CLIPMAP_HALF_ROW : CLIPMAP_ROW, split ? "#define SPLIT\n" : "",
+                 kind & PROGRAM_INSIDE ? GPU_INSIDE_OUTLINE : "", alpha, shading);
+        for (int pass = 0; pass < PASS_COUNT; pass++)
+            if (!build_program(c, &c->programs[pass][kind], defines, effects, (enum render_pass)pass))
+                return false;
+    }
     return true;
 }
 
@@ -431,7 +459,7 @@ static bool set_shape(struct clipmap *c, const double *values)
     c->choice = (struct clipmap_choice){.cull = values[KNOB_CULL] != 0,
                                         .layout = (enum clipmap_layout)values[KNOB_LAYOUT],
                                         .stitch = (enum clipmap_stitch)values[KNOB_STITCH]};
-    c->front_only = values[KNOB_FACES] != 0;
+    c->faces = (enum renderer_faces)values[KNOB_FACES];
     c->rebuild = values[KNOB_REFILL] != 0;
     c->fitted = values[KNOB_REGIONS] != 0;
     const struct terrain_info *info = terrain_info(c->terrain);
@@ -458,10 +486,9 @@ static void destroy(struct renderer *renderer)
 {
     struct clipmap *c = (struct clipmap *)renderer;
     if (!c) return;
-    for (int pass = 0; pass < PASS_COUNT; pass++) {
-        gpu_program_finish(&c->programs[pass].program);
-        gpu_program_finish(&c->split_programs[pass].program);
-    }
+    for (int pass = 0; pass < PASS_COUNT; pass++)
+        for (int kind = 0; kind < CLIPMAP_PROGRAMS; kind++)
+            gpu_program_finish(&c->programs[pass][kind].program);
     for (int i = 0; i < RENDERER_MAX_VIEWS; i++) destroy_view(&c->views[i]);
     if (c->indices) glDeleteBuffers(1, &c->indices);
     clipmap_mesh_finish(&c->mesh);

@@ -58,47 +58,63 @@ static unsigned enter_box(void *user, const struct clipmap_box *box, unsigned pl
     const struct culler *culler = user;
     double low[3], high[3];
     box_m(culler, box, low, high);
-    if (frustum_test_box(&culler->frustum, low, high, &planes) == FRUSTUM_OUTSIDE) return CLIPMAP_LEAVE;
-    return planes;
+    bool outside = frustum_test_box(&culler->frustum, low, high, &planes) == FRUSTUM_OUTSIDE;
+    return outside && culler->choice->cull ? CLIPMAP_LEAVE : planes;
 }
 
 static void take_block(void *user, const struct clipmap_piece *piece, unsigned planes)
 {
-    struct clipmap_selection *selection = ((struct culler *)user)->selection;
-    (void)planes; // enter_box has seen the block itself
-    selection->pieces[selection->piece_count++] = *piece;
+    const struct culler *culler = user;
+    struct clipmap_selection *selection = culler->selection;
+    double low[2], high[2];
+    for (int axis = 0; axis < 2; axis++) {
+        double from =
+            (double)(piece->corner[axis] - culler->eye->base[axis]) - (double)culler->eye->fraction[axis];
+        low[axis] = from * culler->spacing_m[axis];
+        high[axis] = (from + piece->extent[axis]) * culler->spacing_m[axis];
+    }
+    int way = view_inside_outline(culler->view, culler->store->terrain, low, high) ? CLIPMAP_WITHIN_MAP : 0;
+    if (!planes) way |= CLIPMAP_WITHIN_VIEW;
+    selection->pieces[selection->piece_count++] = (struct clipmap_chosen){*piece, way};
 }
 
 static void take_stitch(void *user, const struct clipmap_piece *piece, unsigned planes)
 {
     struct clipmap_box box = {{piece->corner[0], piece->corner[1]},
                               {piece->corner[0] + piece->extent[0], piece->corner[1] + piece->extent[1]}};
-    if (!planes || enter_box(user, &box, planes) != CLIPMAP_LEAVE) take_block(user, piece, planes);
+    planes = enter_box(user, &box, planes);
+    if (planes != CLIPMAP_LEAVE) take_block(user, piece, planes);
 }
 
-// Groups pieces by list, in the order in which they were cut: one draw a list.  Columns among them are of the
-// same height.
+// Groups pieces by way and list, in the order in which they were cut: one draw each.  Columns among them are
+// of the same height.
 static void add_draws(const struct culler *culler)
 {
     struct clipmap_selection *selection = culler->selection;
-    int next[CLIPMAP_KINDS] = {0};
-    for (int i = 0; i < selection->piece_count; i++) next[selection->pieces[i].kind]++;
-    for (int kind = 0; kind < CLIPMAP_KINDS; kind++) {
-        if (!next[kind]) continue;
-        assert(selection->corner_count + next[kind] <= selection->capacity);
-        struct clipmap_draw draw = {culler->level, selection->corner_count, next[kind],
-                                    kind >= CLIPMAP_FIRST_STRIP,
-                                    clipmap_mesh_list(culler->mesh, kind, selection->pieces[0].extent[1])};
+    int next[CLIPMAP_WAYS][CLIPMAP_KINDS] = {{0}};
+    for (int i = 0; i < selection->piece_count; i++)
+        next[selection->pieces[i].way][selection->pieces[i].piece.kind]++;
+    for (int group = 0; group < CLIPMAP_WAYS * CLIPMAP_KINDS; group++) {
+        int way = group / CLIPMAP_KINDS, kind = group % CLIPMAP_KINDS;
+        if (!next[way][kind]) continue;
+        assert(selection->corner_count + next[way][kind] <= selection->capacity);
+        struct clipmap_draw draw = {
+            culler->level,
+            selection->corner_count,
+            next[way][kind],
+            way,
+            kind >= CLIPMAP_FIRST_STRIP,
+            clipmap_mesh_list(culler->mesh, kind, selection->pieces[0].piece.extent[1])};
         selection->draws[selection->draw_count++] = draw;
         selection->triangles += (uint64_t)draw.count * draw.list.triangles;
         selection->corner_count += draw.count;
-        next[kind] = draw.first;
+        next[way][kind] = draw.first;
     }
     for (int i = 0; i < selection->piece_count; i++) {
-        const struct clipmap_piece *piece = &selection->pieces[i];
-        int32_t *corner = selection->corners[next[piece->kind]++];
+        const struct clipmap_chosen *chosen = &selection->pieces[i];
+        int32_t *corner = selection->corners[next[chosen->way][chosen->piece.kind]++];
         for (int axis = 0; axis < 2; axis++)
-            corner[axis] = (int32_t)(piece->corner[axis] - culler->eye->base[axis]);
+            corner[axis] = (int32_t)(chosen->piece.corner[axis] - culler->eye->base[axis]);
     }
     selection->piece_count = 0;
 }
@@ -124,8 +140,7 @@ static void add_blocks(struct culler *culler, const struct clipmap_region *regio
                        const struct clipmap_region *finer)
 {
     struct clipmap_selection *selection = culler->selection;
-    const struct clipmap_taker taker = {enter_box, take_block, culler,
-                                        culler->choice->cull ? FRUSTUM_ALL : 0};
+    const struct clipmap_taker taker = {enter_box, take_block, culler, FRUSTUM_ALL};
     int all = clipmap_cut_blocks(region, finer, culler->choice->stitch, &taker);
     selection->blocks += selection->piece_count;
     selection->culled += all - selection->piece_count;
@@ -153,7 +168,8 @@ static void add_strips(struct culler *culler, const struct clipmap_region *regio
                        const struct clipmap_region *finer)
 {
     struct clipmap_selection *selection = culler->selection;
-    const struct clipmap_taker taker = {NULL, take_block, culler, 0};
+    const struct clipmap_taker taker = {NULL, take_block, culler,
+                                        FRUSTUM_ALL}; // a column is long: seldom inside
     struct clipmap_box rectangles[CLIPMAP_RECTANGLES];
     int count = clipmap_rectangles(region, finer, culler->choice->stitch, rectangles);
     for (int i = 0; i < count; i++) {
@@ -193,7 +209,7 @@ void clipmap_select(struct clipmap_selection *selection, const struct clipmap_sh
     }
     int block_draws = selection->draw_count;
     for (int k = 0; k < shape->levels; k++) {
-        const struct clipmap_taker taker = {NULL, take_stitch, &culler, choice->cull ? FRUSTUM_ALL : 0};
+        const struct clipmap_taker taker = {NULL, take_stitch, &culler, FRUSTUM_ALL};
         if (!begin_level(&culler, k, &regions[k], &stores[k], &eyes[k])) continue;
         clipmap_cut_stitches(&regions[k], k > 0 ? &regions[k - 1] : NULL, choice->stitch, &taker);
         add_draws(&culler);

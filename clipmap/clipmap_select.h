@@ -9,6 +9,10 @@
 #include "clipmap/clipmap_store.h"
 #include "common/view/frustum.h"
 
+// How a piece may be drawn: without looking at the map's outline (view_inside_outline), and without back
+// faces (enum renderer_faces: it lies wholly inside the frustum).
+enum { CLIPMAP_WITHIN_MAP = 1, CLIPMAP_WITHIN_VIEW = 2, CLIPMAP_WAYS = 4 };
+
 struct clipmap_choice {
     bool cull;
     enum clipmap_layout layout;
@@ -21,6 +25,7 @@ struct clipmap_selection {
     int corner_count;
     struct clipmap_draw { // one list, drawn `count` times at corners[first ..]
         int level, first, count;
+        int way;
         bool strip; // else a list of triangles
         struct clipmap_list list;
     } * draws;                    // blocks of all levels, fine to coarse, then stitches likewise
@@ -29,7 +34,10 @@ struct clipmap_selection {
     uint64_t triangles;
 
     int capacity;
-    struct clipmap_piece *pieces; // of the level in work
+    struct clipmap_chosen { // of the level in work
+        struct clipmap_piece piece;
+        int way;
+    } * pieces;
     int piece_count;
 };
 

@@ -4,10 +4,9 @@
 // A frame:  begin_frame(n); update(views, count); draw(0, pass) ... draw(count-1, pass); stats().
 // update() selects and uploads; draw() issues GL draws of what was selected for that view, in any pass, any
 // number of times. Faces may be culled in the shaded and depth passes, never in the position pass: what is
-// seen from below shows a crack. By default they are not: a clipped triangle that is nearly edge-on may be
-// culled by one rounding of its corners and drawn by another, and leave a pixel undrawn. update and draw are
-// timed apart.  Results depend on the frame number and the views alone, never on the clock, unless realtime.
-// SPDX-License-Identifier: MIT
+// seen from below shows a crack. By default they are where nothing can drop out (enum renderer_faces). update
+// and draw are timed apart.  Results depend on the frame number and the views alone, never on the clock,
+// unless realtime. SPDX-License-Identifier: MIT
 #ifndef COMMON_RENDERER_H
 #define COMMON_RENDERER_H
 
@@ -23,6 +22,18 @@ struct renderer_knob {
     double min, max;
     const char *choices; // "a|b|c", or NULL for a number
 };
+
+// Which faces are drawn in the shaded and depth passes: the knob `faces`, with words in this order.  The
+// rasteriser culls by its snapped corners, as it fills, so a closed surface seen from above leaves no pixel
+// undrawn without its back faces; but a triangle that is clipped gets new corners, rounded otherwise than its
+// neighbours', and where it is nearly edge-on a pixel can drop out.  SAFE therefore culls what lies wholly
+// inside the frustum (frustum_test_box: FRUSTUM_INSIDE), as long as the eye is above ground, and nothing
+// else.
+enum renderer_faces { RENDERER_FACES_BOTH, RENDERER_FACES_SAFE, RENDERER_FACES_FRONT };
+#define RENDERER_FACES_CHOICES "both|safe|front"
+#define RENDERER_FACES_HELP                                                                                  \
+    "triangles drawn: both sides of the surface, only those that face the eye where none is clipped, or "    \
+    "nowhere others (may drop a pixel)"
 
 struct renderer_desc {
     struct gpu *gpu;                     // borrowed until destroy

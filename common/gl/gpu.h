@@ -76,6 +76,12 @@ enum render_pass {
 // vertex file with the ending .frag defines
 //     vec3 surface_normal();               unit normal at this fragment; called before any discard
 // A renderer without such a file has no shading of its own, and says so in one line.
+//
+// Fragments outside the map's outline are discarded, which costs each of them a test and the hardware its
+// early depth test.  With GPU_INSIDE_OUTLINE among the defines they are not: the same picture where
+// view_inside_outline holds for all that is drawn, at less cost.  So a renderer builds both and draws with
+// the other what is at the rim.
+#define GPU_INSIDE_OUTLINE "#define MAP_UNBOUNDED\n"
 struct gpu_program {
     GLuint name;
     enum render_pass pass;

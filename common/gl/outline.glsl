@@ -1,7 +1,8 @@
 // Shared by every fragment program, whatever the pass: what lies outside the map's exact outline is not drawn.
 in vec3 v_relative;
 
-// MAP_UNBOUNDED: a renderer shows what comes of drawing on beyond the map.
+// MAP_UNBOUNDED: nothing is tested; all that is drawn lies inside, or a renderer shows what comes of drawing on beyond the
+// map.
 bool outside_map(vec3 relative)
 {
 #if defined(MAP_UNBOUNDED)

@@ -5,6 +5,7 @@
 #include <string.h>
 
 enum { LATTICE_BITS_MAX = 12, FRACTION_BITS = 23 };
+static const double OUTLINE_MARGIN = 1e-4; // interpolated float32 positions are right to about 1e-5
 
 static double dot(const double a[3], const double b[3])
 {
@@ -123,6 +124,19 @@ void view_eye_quanta(const struct view *view, int32_t *base, float *fraction)
     int64_t whole = shift_floor(view->eye_height, VIEW_HEIGHT_BITS);
     *base = (int32_t)whole;
     *fraction = ldexpf((float)(view->eye_height - whole * (1 << VIEW_HEIGHT_BITS)), -VIEW_HEIGHT_BITS);
+}
+
+bool view_inside_outline(const struct view *view, const struct terrain *terrain, const double low[2],
+                         const double high[2])
+{
+    const double *outline_m = terrain_info(terrain)->outline_m;
+    for (int axis = 0; axis < 2; axis++) {
+        double margin_m = OUTLINE_MARGIN * fmax(fabs(low[axis]), fabs(high[axis]));
+        if (view->eye_m[axis] + low[axis] - margin_m < outline_m[axis] ||
+            view->eye_m[axis] + high[axis] + margin_m > outline_m[axis + 2])
+            return false;
+    }
+    return true;
 }
 
 void view_ray(const struct view *view, int x, int y, double direction[3])

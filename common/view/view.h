@@ -59,6 +59,12 @@ struct view_origin view_level_origin(const struct view *view, int level);
 // Eye height in quanta, split into an integer and a fraction in [0, 1) that is exact in float.
 void view_eye_quanta(const struct view *view, int32_t *base, float *fraction);
 
+// Whether no fragment of what is drawn inside a rectangle, given relative to the eye, can lie outside the
+// map's outline, whatever the rounding of its interpolated position: the rectangle keeps away from the
+// outline by 1e-4 of its farthest distance.
+bool view_inside_outline(const struct view *view, const struct terrain *terrain, const double low[2],
+                         const double high[2]);
+
 // Direction of the ray through the centre of pixel (x, y), scaled so that its depth (along forward) is 1.
 void view_ray(const struct view *view, int x, int y, double direction[3]);
 

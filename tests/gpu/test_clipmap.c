@@ -135,6 +135,56 @@ static void triangles_drawn_level(void **state)
     terrain_destroy(terrain);
 }
 
+static const float *depths(struct fixture *f, struct renderer *renderer, const struct terrain *terrain,
+                           const struct view *view)
+{
+    update(renderer, view);
+    gpu_set_view(f->gpu, terrain, view);
+    gpu_target_begin(f->gpu, &f->depth_target);
+    clipmap_renderer.draw(renderer, 0, PASS_DEPTH);
+    gpu_target_read(f->gpu, &f->depth_target, f->depths);
+    return f->depths;
+}
+
+// Back faces left out where nothing is clipped: each pixel shows what it shows with both faces, or, where
+// that is a back face (a ridge line within the sub-pixel grid), the front face behind it.  None is left
+// undrawn.
+static void unclipped_back_faces_are_not_missed(void **state)
+{
+    struct fixture *f = *state;
+    struct terrain *terrain = test_terrain(&hills);
+    static const char *const settings[] = {"n=63 faces=both", "n=63 faces=safe", "n=63 faces=front"};
+    struct renderer *renderers[3];
+    float *drawn[3];
+    for (int r = 0; r < 3; r++) {
+        renderers[r] = create(f, terrain, settings[r]);
+        assert_non_null(drawn[r] = malloc(PIXELS * sizeof *drawn[r]));
+    }
+    uint64_t seed = 30, behind = 0, undrawn = 0, ground_pixels = 0;
+    int views = test_size(40, 2000);
+    for (int i = 0; i < views; i++) {
+        struct view view = view_over(terrain, &seed, 2, 3000);
+        for (int r = 0; r < 3; r++)
+            memcpy(drawn[r], depths(f, renderers[r], terrain, &view), PIXELS * sizeof *drawn[r]);
+        for (int p = 0; p < PIXELS; p++) {
+            float both = drawn[0][p], safe = drawn[1][p], front = drawn[2][p];
+            assert_true(front <= safe && safe <= both);
+            assert_true(safe == both || safe == front);
+            ground_pixels += both > 0;
+            behind += safe < both;
+            undrawn += both > 0 && safe == 0;
+        }
+    }
+    FIGURE("faces=safe: of %lu pixels %lu show the front face behind a back face, %lu nothing", ground_pixels,
+           behind, undrawn);
+    assert_true(behind > 0); // else nothing was culled
+    for (int r = 0; r < 3; r++) {
+        clipmap_renderer.destroy(renderers[r]);
+        free(drawn[r]);
+    }
+    terrain_destroy(terrain);
+}
+
 // B6: after any walk, with teleports, a view's triangles are those of a renderer that has seen nothing else.
 static void walks_draw_what_a_fresh_renderer_draws(void **state)
 {
@@ -400,6 +450,7 @@ int main(void)
         cmocka_unit_test(b3_no_pixel_is_dropped),
         cmocka_unit_test(culling_leaves_no_trace),
         cmocka_unit_test(triangles_drawn_level),
+        cmocka_unit_test(unclipped_back_faces_are_not_missed),
         cmocka_unit_test(walks_draw_what_a_fresh_renderer_draws),
         cmocka_unit_test(far_away_is_like_here),
         cmocka_unit_test(many_levels_far_away_stay_exact),

@@ -538,6 +538,99 @@ static void test_outline(void **state)
     check_outline(*state, 10000000000);
 }
 
+enum { PATCH = 24, PATCH_CELLS = (PATCH - 1) * (PATCH - 1) }; // vertices on a side
+
+// Rough ground over a rectangle relative to the eye.
+static void load_patch(struct fixture *f, const double low[2], const double high[2], double z, uint64_t *seed)
+{
+    static uint32_t indices[6 * PATCH_CELLS];
+    float vertices[PATCH * PATCH][3];
+    for (uint32_t i = 0; i < PATCH_CELLS; i++) {
+        uint32_t a = i / (PATCH - 1) * PATCH + i % (PATCH - 1);
+        const uint32_t corners[6] = {a, a + 1, a + PATCH + 1, a, a + PATCH + 1, a + PATCH};
+        memcpy(indices + 6 * (size_t)i, corners, sizeof corners);
+    }
+    for (int i = 0; i < PATCH * PATCH; i++) {
+        const int at[2] = {i % PATCH, i / PATCH};
+        for (int axis = 0; axis < 2; axis++)
+            vertices[i][axis] = (float)(low[axis] + (high[axis] - low[axis]) * at[axis] / (PATCH - 1));
+        vertices[i][2] = (float)(z + test_uniform(seed, -8, 8));
+    }
+    load_mesh(f, vertices, (size_t)PATCH * PATCH, indices, sizeof indices);
+}
+
+// Draws the patch by both programs of each pass.  Returns how many pixels it covers.
+static int patch_pixels_alike(struct fixture *f, const struct gpu_program *inside)
+{
+    static float pictures[2][SIDE * SIDE * 4];
+    int drawn = 0;
+    for (int pass = 0; pass < PASS_COUNT; pass++) {
+        for (int k = 0; k < 2; k++) {
+            gpu_target_begin(f->gpu, &f->targets[pass]);
+            gpu_use_program(f->gpu, k ? &inside[pass] : &f->programs[pass]);
+            gpu_draw_elements(f->gpu, GL_TRIANGLES, 6 * PATCH_CELLS, GL_UNSIGNED_INT, 0, 0, 2 * PATCH_CELLS);
+            gpu_target_read(f->gpu, &f->targets[pass], pictures[k]);
+        }
+        assert_memory_equal(pictures[0], pictures[1], sizeof pictures[0]);
+    }
+    for (int p = 0; p < SIDE * SIDE; p++) drawn += pictures[1][p] > 0; // of the depth pass
+    return drawn;
+}
+
+// The rectangle that keeps 0.1 m away from the outline, which is enough, as 0 m are not.
+static void inner_rectangle(const struct view *view, const struct terrain *terrain, double low[2],
+                            double high[2])
+{
+    const double *outline = terrain_info(terrain)->outline_m, away = 0.1;
+    for (int axis = 0; axis < 2; axis++) {
+        low[axis] = outline[axis] - view->eye_m[axis] + away;
+        high[axis] = outline[axis + 2] - view->eye_m[axis] - away;
+    }
+    assert_true(view_inside_outline(view, terrain, low, high));
+    for (int axis = 0; axis < 2; axis++) {
+        low[axis] -= away;
+        assert_false(view_inside_outline(view, terrain, low, high));
+        low[axis] += away, high[axis] += away;
+        assert_false(view_inside_outline(view, terrain, low, high));
+        high[axis] -= away;
+    }
+}
+
+// Ground inside the outline, drawn without looking at it, is the same picture, bit for bit, in every pass.
+static void test_inside_outline(void **state)
+{
+    static const struct scene_effects effects = {.shading = SCENE_SHADING_COMMON};
+    struct fixture *f = *state;
+    struct terrain *terrain = small_terrain(-20);
+    const double *outline = terrain_info(terrain)->outline_m, ground = 0.25 * 100 - 3;
+    struct gpu_program inside[PASS_COUNT];
+    for (int pass = 0; pass < PASS_COUNT; pass++)
+        assert_true(gpu_program_build(f->gpu, &inside[pass], "common/gl/plain.vert", GPU_INSIDE_OUTLINE,
+                                      &effects, (enum render_pass)pass));
+    uint64_t seed = 77;
+    int views = test_size(200, 5000), drawn = 0;
+    for (int i = 0; i < views; i++) {
+        struct camera camera = {.yaw = test_uniform(&seed, -4, 4),
+                                .pitch = test_uniform(&seed, -1.5, 0.2),
+                                .roll = test_uniform(&seed, -1, 1),
+                                .fov_vertical = test_uniform(&seed, 0.3, 2)};
+        for (int axis = 0; axis < 2; axis++)
+            camera.eye_m[axis] = test_uniform(&seed, outline[axis], outline[axis + 2]);
+        camera.eye_m[2] = ground + 5 * pow(40, test_uniform(&seed, 0, 1));
+        struct view view;
+        view_init(&view, terrain, &camera, SIDE, SIDE, 0);
+        double low[2], high[2];
+        inner_rectangle(&view, terrain, low, high);
+        load_patch(f, low, high, ground - view.eye_m[2], &seed);
+        gpu_set_view(f->gpu, terrain, &view);
+        drawn += patch_pixels_alike(f, inside);
+    }
+    FIGURE("%d views from within a map, %d pixels drawn: alike without a look at the outline", views, drawn);
+    assert_true(drawn > 400 * views);
+    for (int pass = 0; pass < PASS_COUNT; pass++) gpu_program_finish(&inside[pass]);
+    terrain_destroy(terrain);
+}
+
 // Vertices on the map's last sample lines are at the outline bitwise, so that no sliver between them is cut
 // or let through.
 static void test_outline_meets_vertices(void **state)
@@ -642,6 +735,7 @@ int main(void)
         cmocka_unit_test(test_position_side),
         cmocka_unit_test(test_depth),
         cmocka_unit_test(test_outline),
+        cmocka_unit_test(test_inside_outline),
         cmocka_unit_test(test_outline_meets_vertices),
         cmocka_unit_test(test_failures),
     };
