@@ -90,11 +90,24 @@ static int32_t decode(uint16_t raw, const struct sidecar *sidecar)
     return heightfield_is_void(value, sidecar->has_nodata, sidecar->nodata) ? HEIGHTFIELD_VOID : value;
 }
 
+// A whole planet, when the sidecar's samples go all around and from pole to pole.
+static void describe_planet(struct heightfield *field, const struct sidecar *sidecar)
+{
+    double turn = (double)field->width * sidecar->spacing_deg, rows = 180 / sidecar->spacing_deg;
+    if (!(sidecar->radius_m > 0) || !(sidecar->spacing_deg > 0) || fabs(turn - 360) > 1e-6) return;
+    bool pixels = fabs((double)field->height - rows) < 1e-3;
+    if (!pixels && fabs((double)(field->height - 1) - rows) >= 1e-3) return;
+    field->radius_m = sidecar->radius_m;
+    field->pixel_centred = pixels;
+    field->spacing_m[0] = field->spacing_m[1] = sidecar->radius_m * sidecar->spacing_deg * DEGREE;
+}
+
 static void describe(struct heightfield *field, const struct sidecar *sidecar)
 {
     memcpy(field->spacing_m, sidecar->spacing_m, sizeof field->spacing_m);
     field->quantum_m = sidecar->height_scale;
     field->offset_m = sidecar->height_offset;
+    describe_planet(field, sidecar);
 }
 
 // Rows from north to south, as files have them, to rows from south to north.

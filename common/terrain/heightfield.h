@@ -14,6 +14,10 @@
 //   endian          raw only: "little" (default) or "big"
 //   height_scale, height_offset   default 1 and 0
 //   nodata          a sample value that means void, or null
+//   radius_m, spacing_deg   of a whole planet in simple cylindrical projection (longitude and latitude evenly
+//                   spaced, the first column at 180 W, or half a sample east of it), when width * spacing_deg
+//                   is 360 and the rows reach from pole to pole: with a row on each pole (height - 1), or
+//                   pixel-centred (height); then spacing_m is not needed.  Any other map is a plane
 // Voids: nodata, NaN, infinities, and -32768 and -9999 where samples have a sign.  (numerics.md, E1 and E2)
 // SPDX-License-Identifier: MIT
 #ifndef COMMON_TERRAIN_HEIGHTFIELD_H
@@ -32,6 +36,8 @@ struct heightfield {
     int64_t width, height;
     int32_t *samples; // owned; quanta, row 0 south, HEIGHTFIELD_VOID where void
     double spacing_m[2], quantum_m, offset_m;
+    double radius_m;    // of a whole planet; 0: a plane
+    bool pixel_centred; // whole planet: samples are the centres of cells
 };
 
 // False after one line on stderr; the heightfield is then empty.

@@ -75,6 +75,10 @@ static char *describe(const struct heightfield *field, const struct packing *pac
     else
         cJSON_AddNullToObject(root, "nodata");
     cJSON_AddItemToObject(root, "spacing_m", cJSON_CreateDoubleArray(field->spacing_m, 2));
+    if (field->radius_m > 0) { // a whole planet
+        cJSON_AddNumberToObject(root, "radius_m", field->radius_m);
+        cJSON_AddNumberToObject(root, "spacing_deg", 360.0 / (double)field->width);
+    }
     cJSON_AddStringToObject(root, "source", origin);
     char *text = cJSON_Print(root);
     cJSON_Delete(root);

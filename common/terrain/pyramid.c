@@ -31,11 +31,16 @@ static bool allocate(struct pyramid_level *level)
 
 // ---- coarser levels --------------------------------------------------------
 
-static bool add_coarser(struct pyramid *pyramid, const struct terrain_options *options)
+static int smallest_size(const struct terrain_options *options)
 {
     int min_size = options->min_size > 0 ? options->min_size : DEFAULT_MIN_SIZE;
     // Rounding outward keeps up to three samples at three for ever.
-    if (min_size < SMALLEST_MIN_SIZE) min_size = SMALLEST_MIN_SIZE;
+    return min_size < SMALLEST_MIN_SIZE ? SMALLEST_MIN_SIZE : min_size;
+}
+
+static bool add_coarser(struct pyramid *pyramid, const struct terrain_options *options)
+{
+    int min_size = smallest_size(options);
     for (; pyramid->coarsest < PYRAMID_MAX_COARSER; pyramid->coarsest++) {
         const struct pyramid_level *fine = pyramid_level(pyramid, pyramid->coarsest);
         int64_t size[2] = {pyramid_width(fine), pyramid_height(fine)};
@@ -51,6 +56,22 @@ static bool add_coarser(struct pyramid *pyramid, const struct terrain_options *o
                                     coarse_first[1] + coarse_size[1]};
         if (!allocate(coarse)) return false;
         if (!downsample(fine->samples, first, size, options->filter, coarse->samples)) return false;
+    }
+    return true;
+}
+
+static bool add_coarser_sphere(struct pyramid *pyramid, const struct terrain_options *options)
+{
+    int min_size = smallest_size(options);
+    for (; pyramid->coarsest < PYRAMID_MAX_COARSER; pyramid->coarsest++) {
+        const struct pyramid_level *fine = pyramid_level(pyramid, pyramid->coarsest);
+        struct sphere_grid grid = sphere_level(pyramid->sphere, pyramid->coarsest);
+        if (!sphere_has_coarser(&grid) || grid.columns <= min_size) return true;
+        struct sphere_grid next = sphere_level(&grid, 1);
+        struct pyramid_level *coarse = at(pyramid, pyramid->coarsest + 1);
+        coarse->extent = sphere_extent(&next);
+        if (!allocate(coarse) || !sphere_downsample(&grid, fine->samples, options->filter, coarse->samples))
+            return false;
     }
     return true;
 }
@@ -196,7 +217,7 @@ static double residual_rms(const struct pyramid *pyramid, int level)
 // Noise of the finer levels: the residuals of the stored levels are measured, and their spread continued as
 // the power of the spacing that fits them best (least squares over the logarithms).  Ground too small to
 // measure, or without residuals, gets none.
-static bool choose_sigmas(struct pyramid *pyramid)
+static bool choose_noise(struct pyramid *pyramid)
 {
     enum { MOST = 5, SMALLEST = 24 };
     double log_sigma[MOST], mean = 0, up = 0, down = 0;
@@ -209,6 +230,7 @@ static bool choose_sigmas(struct pyramid *pyramid)
         if (rms == 0) break;
         log_sigma[count++] = log2(rms);
     }
+    pyramid->noise_log2 = -INFINITY;
     if (count == 0) return true;
     double middle = (count - 1) / 2.0;
     for (int l = 0; l < count; l++) mean += log_sigma[l] / count;
@@ -219,19 +241,25 @@ static bool choose_sigmas(struct pyramid *pyramid)
     // One level tells no slope: take that of a surface of bounded slope.  Detail never grows as it gets
     // finer.
     double slope = count > 1 ? up / down : 1;
-    if (slope < 0) slope = 0;
-    for (int l = -1; l >= pyramid->finest; l--) at(pyramid, l)->sigma_q = exp2(mean + slope * (l - middle));
+    pyramid->noise_slope = slope < 0 ? 0 : slope;
+    pyramid->noise_log2 = mean - pyramid->noise_slope * middle;
     return true;
+}
+
+double pyramid_noise_q(const struct pyramid *pyramid, int level)
+{
+    return exp2(pyramid->noise_log2 + pyramid->noise_slope * level);
 }
 
 static bool add_finer(struct pyramid *pyramid, const struct terrain_options *options)
 {
     pyramid->finest = -options->synthesize_levels;
     if (pyramid->finest == 0) return true;
-    if (!choose_sigmas(pyramid)) return false;
+    if (!choose_noise(pyramid)) return false;
     for (int l = -1; l >= pyramid->finest; l--) {
         const struct pyramid_level *coarse = pyramid_level(pyramid, l + 1);
         struct pyramid_level *fine = at(pyramid, l);
+        fine->sigma_q = pyramid_noise_q(pyramid, l);
         const struct terrain_extent *e = &coarse->extent;
         fine->extent = (struct terrain_extent){2 * e->x0, 2 * e->y0, 2 * e->x1 - 1, 2 * e->y1 - 1};
         struct synthesis s = {.fine = fine, .level = l, .seed = options->seed, .noise = options->noise};
@@ -256,7 +284,7 @@ struct comparison {
 // Compares the samples of one row of the finest level with the piecewise-linear surface of a coarser one.
 // Everything but the sum of squares is exact: heights are integers over 2^shift.
 static void compare_row(const struct pyramid_level *finest, const struct pyramid_level *level, int shift,
-                        int64_t y, struct level_error *error)
+                        bool around, int64_t y, struct level_error *error)
 {
     int64_t cell = (int64_t)1 << shift, width = pyramid_width(level);
     int64_t v = y & (cell - 1), row = (y >> shift) - level->extent.y0;
@@ -266,8 +294,9 @@ static void compare_row(const struct pyramid_level *finest, const struct pyramid
     for (int64_t x = finest->extent.x0; x < finest->extent.x1;) {
         int64_t i = (x >> shift) - level->extent.x0, x_cell = (x >> shift) * cell;
         int64_t end = x_cell + cell < finest->extent.x1 ? x_cell + cell : finest->extent.x1;
-        bool last = i + 1 >= width; // then x is on the last column itself
-        double sw = south[i], se = last ? sw : south[i + 1], nw = north[i], ne = last ? nw : north[i + 1];
+        bool last = i + 1 >= width; // then x is on the last column itself, or the next column is the first
+        int64_t east = !last ? i + 1 : around ? 0 : i;
+        double sw = south[i], se = south[east], nw = north[i], ne = north[east];
         double fraction = (double)v * scale;
         for (; x < end; x++) { // north-west of the diagonal u < v, then south-east of it
             double u = (double)(x - x_cell) * scale;
@@ -292,8 +321,8 @@ static void compare_rows(int block, void *user)
     int64_t y1 = y0 + ROWS_A_BLOCK < finest->extent.y1 ? y0 + ROWS_A_BLOCK : finest->extent.y1;
     for (int shift = 1; shift < levels; shift++)
         for (int64_t y = y0; y < y1; y++)
-            compare_row(finest, pyramid_level(c->pyramid, c->pyramid->finest + shift), shift, y,
-                        &errors[shift]);
+            compare_row(finest, pyramid_level(c->pyramid, c->pyramid->finest + shift), shift,
+                        c->pyramid->sphere != NULL, y, &errors[shift]);
 }
 
 static bool measure_errors(struct pyramid *pyramid)
@@ -318,13 +347,30 @@ static bool measure_errors(struct pyramid *pyramid)
     return true;
 }
 
+// Over single cells; on a sphere the cells between the last column and the first are the last.
+static bool measure_cells(const struct pyramid *pyramid, struct pyramid_level *level)
+{
+    int64_t width = pyramid_width(level), height = pyramid_height(level);
+    if (!pyramid->sphere) return extrema_init(&level->extrema, level->samples, width, height, 0);
+    int32_t *closed = malloc((size_t)((width + 1) * height) * sizeof *closed);
+    if (!closed) return false;
+    for (int64_t j = 0; j < height; j++) {
+        memcpy(closed + j * (width + 1), level->samples + j * width, (size_t)width * sizeof *closed);
+        closed[j * (width + 1) + width] = level->samples[j * width];
+    }
+    bool good = extrema_init(&level->extrema, closed, width + 1, height, 0);
+    free(closed);
+    return good;
+}
+
 static bool measure_extrema(struct pyramid *pyramid)
 {
     for (int l = pyramid->finest; l <= pyramid->coarsest; l++) {
         struct pyramid_level *level = at(pyramid, l);
-        if (!extrema_init(&level->extrema, level->samples, pyramid_width(level), pyramid_height(level),
-                          l == pyramid->finest ? 0 : 3))
-            return false;
+        bool good = l == pyramid->finest ? measure_cells(pyramid, level)
+                                         : extrema_init(&level->extrema, level->samples, pyramid_width(level),
+                                                        pyramid_height(level), 3);
+        if (!good) return false;
         const struct terrain_extrema_nodes *root = &level->extrema.nodes[level->extrema.heights - 1];
         level->min_q = root->min_q[0];
         level->max_q = root->max_q[0];
@@ -339,6 +385,17 @@ bool pyramid_init(struct pyramid *pyramid, int32_t *samples, const struct terrai
     at(pyramid, 0)->extent = *extent;
     at(pyramid, 0)->samples = samples;
     return add_coarser(pyramid, options) && add_finer(pyramid, options) && measure_errors(pyramid) &&
+           measure_extrema(pyramid);
+}
+
+bool pyramid_init_sphere(struct pyramid *pyramid, int32_t *samples, const struct sphere_grid *sphere,
+                         const struct terrain_options *options)
+{
+    pyramid->finest = pyramid->coarsest = 0;
+    pyramid->sphere = sphere;
+    at(pyramid, 0)->extent = sphere_extent(sphere);
+    at(pyramid, 0)->samples = samples;
+    return add_coarser_sphere(pyramid, options) && choose_noise(pyramid) && measure_errors(pyramid) &&
            measure_extrema(pyramid);
 }
 

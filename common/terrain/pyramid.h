@@ -3,6 +3,7 @@
 #ifndef COMMON_TERRAIN_PYRAMID_H
 #define COMMON_TERRAIN_PYRAMID_H
 
+#include "common/terrain/sphere.h"
 #include "common/terrain/terrain.h"
 
 #include <stdbool.h>
@@ -20,7 +21,10 @@ struct pyramid_level {
 };
 
 struct pyramid {
-    int finest, coarsest;
+    int finest, coarsest;             // in memory: on a sphere, finer levels are made on demand (detail.h)
+    const struct sphere_grid *sphere; // borrowed; NULL: the plane
+    double noise_log2,
+        noise_slope; // log2 of the noise at level 0, quanta, and its gain a level; -INFINITY: none
     struct pyramid_level all[PYRAMID_MAX_FINER + 1 + PYRAMID_MAX_COARSER]; // use pyramid_level()
 };
 
@@ -29,6 +33,11 @@ struct pyramid {
 // returned.
 bool pyramid_init(struct pyramid *pyramid, int32_t *samples, const struct terrain_extent *extent,
                   const struct terrain_options *options);
+// The same for the grid of a whole planet, whose levels go around it; the grid is borrowed.  No finer levels
+// are made, but their noise is chosen, and the error of a level is that against level 0.
+bool pyramid_init_sphere(struct pyramid *pyramid, int32_t *samples, const struct sphere_grid *sphere,
+                         const struct terrain_options *options);
+double pyramid_noise_q(const struct pyramid *pyramid, int level); // standard deviation, quanta
 void pyramid_finish(struct pyramid *pyramid);
 
 static inline const struct pyramid_level *pyramid_level(const struct pyramid *pyramid, int level)

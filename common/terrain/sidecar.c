@@ -46,9 +46,15 @@ static bool read_count(const cJSON *root, const char *path, const char *key, int
     return true;
 }
 
-static bool read_spacing(const cJSON *root, const char *path, double spacing_m[2])
+// Degrees on a sphere of a known radius may stand in for metres.
+static bool read_spacing(const cJSON *root, const char *path, const struct sidecar *sidecar,
+                         double spacing_m[2])
 {
     const cJSON *item = cJSON_GetObjectItemCaseSensitive(root, "spacing_m");
+    if (!item && sidecar->radius_m > 0 && sidecar->spacing_deg > 0) {
+        spacing_m[0] = spacing_m[1] = sidecar->radius_m * sidecar->spacing_deg * 0.017453292519943295;
+        return true;
+    }
     if (!item)
         return fail("%s: lacks \"spacing_m\"; metres between samples, a number or [x, y], are expected",
                     path);
@@ -100,7 +106,9 @@ static bool read_keys(const cJSON *root, const char *path, struct sidecar *sidec
         return fail("%s: not JSON; an object with the key \"spacing_m\" is expected", path);
     if (!read_count(root, path, "width", &sidecar->width) ||
         !read_count(root, path, "height", &sidecar->height) ||
-        !read_spacing(root, path, sidecar->spacing_m) || !read_type(root, path, sidecar) ||
+        !read_number(root, path, "radius_m", &sidecar->radius_m) ||
+        !read_number(root, path, "spacing_deg", &sidecar->spacing_deg) ||
+        !read_spacing(root, path, sidecar, sidecar->spacing_m) || !read_type(root, path, sidecar) ||
         !read_endian(root, path, &sidecar->big_endian) || !read_nodata(root, path, sidecar) ||
         !read_number(root, path, "height_scale", &sidecar->height_scale) ||
         !read_number(root, path, "height_offset", &sidecar->height_offset))

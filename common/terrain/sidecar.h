@@ -14,6 +14,7 @@ struct sidecar {
     bool has_type, big_endian, has_nodata;
     int64_t width, height; // 0: not said
     double spacing_m[2], height_scale, height_offset, nodata;
+    double radius_m, spacing_deg; // 0: not said
 };
 
 // What holds for a file without a sidecar: unsigned, 30 m between samples, a metre a step.

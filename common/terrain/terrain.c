@@ -3,9 +3,11 @@
 
 #include "common/embedded.h"
 #include "common/report.h"
+#include "common/terrain/detail.h"
 #include "common/terrain/extrema.h"
 #include "common/terrain/heightfield.h"
 #include "common/terrain/pyramid.h"
+#include "common/terrain/sphere.h"
 #include "common/terrain/upsample.h"
 #include "common/terrain/voids.h"
 
@@ -16,7 +18,18 @@
 struct terrain {
     struct terrain_info info;
     struct pyramid pyramid;
+    struct detail detail; // sphere: its grid, and the levels that are not in memory
 };
+
+static bool is_sphere(const struct terrain *terrain)
+{
+    return terrain->info.datum == TERRAIN_SPHERE;
+}
+
+static int64_t clamp(int64_t value, int64_t low, int64_t high)
+{
+    return value < low ? low : value > high ? high : value;
+}
 
 // ---- from samples to a terrain ---------------------------------------------
 
@@ -40,8 +53,10 @@ static bool check_grid(const struct terrain_grid *grid, const struct terrain_opt
 {
     const int64_t most = (int64_t)1 << 31; // samples of the finest level that are kept in memory
     int finer = options->synthesize_levels;
-    if (finer < 0 || finer > PYRAMID_MAX_FINER)
-        return fail("%s: synthesize_levels is %d; 0 to %d is accepted", grid->name, finer, PYRAMID_MAX_FINER);
+    int most_finer = options->radius_m > 0 ? DETAIL_MAX_FINER : PYRAMID_MAX_FINER;
+    if (finer < 0 || finer > most_finer)
+        return fail("%s: synthesize_levels is %d; 0 to %d is accepted", grid->name, finer, most_finer);
+    if (options->radius_m > 0) finer = 0; // made on demand
     if (grid->width < 1 || grid->height < 1)
         return fail("%s: has no samples; at least 1x1 is expected", grid->name);
     if (grid->width > most || grid->height > most || (grid->width << finer) > most / (grid->height << finer))
@@ -67,6 +82,47 @@ static bool check_grid(const struct terrain_grid *grid, const struct terrain_opt
     return true;
 }
 
+// Whether a grid with a radius can be a whole planet.
+static bool check_sphere(const struct terrain_grid *grid, const struct terrain_options *options)
+{
+    int64_t most = (int64_t)1 << 40;
+    if (!(options->radius_m > 0)) return true;
+    if (!isfinite(options->radius_m) || grid->width < 4 || grid->width % 2 || grid->height < 2 ||
+        (options->pixel_centred ? grid->height % 2 != 0 : grid->height % 2 != 1))
+        return fail(
+            "%s: %lld x %lld samples are not a whole planet; an even number of columns is accepted, and "
+            "an odd number of rows from pole to pole, or an even one of the centres of cells",
+            grid->name, (long long)grid->width, (long long)grid->height);
+    return llabs(grid->first[0]) < most || fail("%s: column %lld; at most %lld is accepted", grid->name,
+                                                (long long)grid->first[0], (long long)most);
+}
+
+static void describe_sphere(struct terrain *terrain, const struct terrain_options *options)
+{
+    struct terrain_info *info = &terrain->info;
+    struct detail *detail = &terrain->detail;
+    const struct pyramid_level *stored = pyramid_level(&terrain->pyramid, 0);
+    info->datum = TERRAIN_SPHERE;
+    info->radius_m = options->radius_m;
+    info->wraps_x = true;
+    info->spacing_m[0] = 2 * M_PI * options->radius_m / (double)detail->grid.columns;
+    info->spacing_m[1] = M_PI * options->radius_m / (double)(2 * detail->grid.pole);
+    info->outline_m[0] = (double)detail->grid.first * info->spacing_m[0];
+    info->outline_m[1] = -M_PI / 2 * options->radius_m;
+    info->outline_m[2] = (double)(detail->grid.first + detail->grid.columns) * info->spacing_m[0];
+    info->outline_m[3] = M_PI / 2 * options->radius_m;
+    info->finest = -options->synthesize_levels;
+    detail->samples = stored->samples;
+    detail->seed = options->seed;
+    for (int level = -1; level >= info->finest; level--)
+        detail->sigma_q[-level] = pyramid_noise_q(&terrain->pyramid, level);
+    struct terrain_level finest = terrain_level(terrain, info->finest);
+    info->min_q = finest.min_q;
+    info->max_q = finest.max_q;
+    info->samples =
+        (uint64_t)(finest.extent.x1 - finest.extent.x0) * (uint64_t)(finest.extent.y1 - finest.extent.y0);
+}
+
 static void describe(struct terrain *terrain, const struct terrain_grid *grid, int bits, uint64_t voids)
 {
     struct terrain_info *info = &terrain->info;
@@ -90,12 +146,26 @@ static void describe(struct terrain *terrain, const struct terrain_grid *grid, i
     info->outline_m[3] = (double)(stored->y1 - 1) * grid->spacing_m[1];
 }
 
+static bool build_pyramid(struct terrain *terrain, int32_t *samples, const struct terrain_grid *grid,
+                          const struct terrain_options *options)
+{
+    if (options->radius_m > 0) {
+        struct sphere_grid *sphere = &terrain->detail.grid;
+        *sphere = sphere_grid(grid->first[0], grid->width, grid->height + options->pixel_centred);
+        sphere_level_poles(sphere, samples);
+        return pyramid_init_sphere(&terrain->pyramid, samples, sphere, options);
+    }
+    struct terrain_extent extent = {grid->first[0], grid->first[1], grid->first[0] + grid->width,
+                                    grid->first[1] + grid->height};
+    return pyramid_init(&terrain->pyramid, samples, &extent, options);
+}
+
 struct terrain *terrain_from_grid(const struct terrain_grid *grid, const struct terrain_options *options)
 {
     static const struct terrain_options DEFAULTS = {0};
     if (!options) options = &DEFAULTS;
     int32_t magnitude = 0;
-    if (!check_grid(grid, options, &magnitude)) return NULL;
+    if (!check_grid(grid, options, &magnitude) || !check_sphere(grid, options)) return NULL;
     size_t count = (size_t)(grid->width * grid->height);
     struct terrain *terrain = calloc(1, sizeof *terrain);
     int32_t *samples = malloc(count * sizeof *samples);
@@ -109,12 +179,17 @@ struct terrain *terrain_from_grid(const struct terrain_grid *grid, const struct 
     if (voids > 0 && !voids_fill(samples, grid->width, grid->height)) goto out_of_memory;
     int bits = refine_bits(options, magnitude);
     for (size_t i = 0; i < count; i++) samples[i] *= 1 << bits;
-    struct terrain_extent extent = {grid->first[0], grid->first[1], grid->first[0] + grid->width,
-                                    grid->first[1] + grid->height};
-    bool built = pyramid_init(&terrain->pyramid, samples, &extent, options);
+    if (options->radius_m > 0 && options->pixel_centred) {
+        int32_t *pixels = samples;
+        samples = sphere_from_pixels(pixels, grid->width, grid->height);
+        free(pixels);
+        if (!samples) goto out_of_memory;
+    }
+    bool built = build_pyramid(terrain, samples, grid, options);
     samples = NULL; // the pyramid's
     if (!built) goto out_of_memory;
     describe(terrain, grid, bits, voids);
+    if (options->radius_m > 0) describe_sphere(terrain, options);
     return terrain;
 out_of_memory:
     fail("%s: %lld x %lld samples do not fit in memory", grid->name, (long long)grid->width,
@@ -134,7 +209,13 @@ static struct terrain *from_heightfield(struct heightfield *field, const struct 
                                 .spacing_m = {field->spacing_m[0], field->spacing_m[1]},
                                 .quantum_m = field->quantum_m,
                                 .offset_m = field->offset_m};
-    struct terrain *terrain = terrain_from_grid(&grid, options);
+    struct terrain_options own = options ? *options : (struct terrain_options){0};
+    if (field->radius_m > 0) {
+        own.radius_m = field->radius_m;
+        own.pixel_centred = field->pixel_centred;
+        grid.first[0] = -field->width / 2; // the first column is the 180th meridian
+    }
+    struct terrain *terrain = terrain_from_grid(&grid, &own);
     heightfield_finish(field);
     return terrain;
 }
@@ -179,8 +260,24 @@ const struct terrain_info *terrain_info(const struct terrain *terrain)
     return &terrain->info;
 }
 
+// A level that is made on demand: what can be told without making it.
+static struct terrain_level detail_level(const struct terrain *terrain, int level)
+{
+    const struct pyramid_level *stored = pyramid_level(&terrain->pyramid, 0);
+    struct sphere_grid grid = sphere_level(&terrain->detail.grid, level);
+    double range = (double)stored->max_q - stored->min_q;
+    int32_t margin = (int32_t)ceil(range * DETAIL_OVERSHOOT + detail_noise_limit(&terrain->detail, -level));
+    return (struct terrain_level){
+        .extent = sphere_extent(&grid),
+        .spacing_m = {ldexp(terrain->info.spacing_m[0], level), ldexp(terrain->info.spacing_m[1], level)},
+        .min_q = stored->min_q - margin,
+        .max_q = stored->max_q + margin,
+        .noise_q = terrain->detail.sigma_q[-level]};
+}
+
 struct terrain_level terrain_level(const struct terrain *terrain, int level)
 {
+    if (level < terrain->pyramid.finest) return detail_level(terrain, level);
     const struct pyramid_level *l = pyramid_level(&terrain->pyramid, level);
     return (struct terrain_level){
         .extent = l->extent,
@@ -192,15 +289,19 @@ struct terrain_level terrain_level(const struct terrain *terrain, int level)
         .noise_q = l->sigma_q};
 }
 
-static int64_t clamp(int64_t value, int64_t low, int64_t high)
-{
-    return value < low ? low : value > high ? high : value;
-}
-
 bool terrain_window(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int width, int height,
                     int32_t *out, enum terrain_wait wait)
 {
-    (void)wait; // every level is in memory
+    (void)wait; // every level is in memory, or made at once
+    if (is_sphere(terrain)) {
+        if (level < 0) {
+            detail_window(&terrain->detail, level, x0, y0, width, height, out);
+            return true;
+        }
+        struct sphere_grid grid = sphere_level(&terrain->detail.grid, level);
+        sphere_window(&grid, pyramid_level(&terrain->pyramid, level)->samples, x0, y0, width, height, out);
+        return true;
+    }
     const struct pyramid_level *l = pyramid_level(&terrain->pyramid, level);
     const struct terrain_extent *e = &l->extent;
     const int64_t far = (int64_t)1 << 62; // beyond any extent; keeps the sums below from overflowing
@@ -217,9 +318,60 @@ bool terrain_window(const struct terrain *terrain, int level, int64_t x0, int64_
     return true;
 }
 
+// Widens the bounds by those of a rectangle inside the extent, counted from its south-west sample.
+static void widen_bounds(const struct pyramid_level *l, int64_t x0, int64_t y0, int64_t x1, int64_t y1,
+                         int32_t *min_q, int32_t *max_q)
+{
+    int64_t from[2] = {x0, y0}, to[2] = {x1, y1};
+    int32_t low, high;
+    extrema_bounds(&l->extrema, l->samples, pyramid_width(l), from, to, &low, &high);
+    *min_q = low < *min_q ? low : *min_q;
+    *max_q = high > *max_q ? high : *max_q;
+}
+
+// Of a stored level.  Beyond a pole the whole rows up to it are taken.
+static void sphere_bounds(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int64_t x1,
+                          int64_t y1, int32_t *min_q, int32_t *max_q)
+{
+    const struct pyramid_level *l = pyramid_level(&terrain->pyramid, level);
+    struct sphere_grid grid = sphere_level(&terrain->detail.grid, level);
+    int64_t rows = 2 * grid.pole, south = y0 + grid.pole, north = y1 + grid.pole;
+    bool around = x1 - x0 >= grid.columns - 1 || south < 0 || north > rows;
+    int64_t low = clamp(south < 0 ? 0 : north > rows ? 2 * rows - north : south, 0, rows);
+    low = clamp(south, 0, low);
+    int64_t high = clamp(south < 0 && -south > north ? -south : north, 0, rows);
+    int64_t i = x0, j = 0;
+    sphere_fold(&grid, &i, &j);
+    int64_t west = i - grid.first, east = west + (x1 - x0);
+    *min_q = INT32_MAX, *max_q = INT32_MIN;
+    if (around) {
+        widen_bounds(l, 0, low, grid.columns - 1, high, min_q, max_q);
+        return;
+    }
+    widen_bounds(l, west, low, east < grid.columns ? east : grid.columns - 1, high, min_q, max_q);
+    if (east >= grid.columns) widen_bounds(l, 0, low, east - grid.columns, high, min_q, max_q);
+}
+
+// Of a level made on demand: the stored samples that it is made of, and how far it may leave their range.
+static void detail_bounds(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int64_t x1,
+                          int64_t y1, int32_t *min_q, int32_t *max_q)
+{
+    enum { REACH = 3 }; // stored samples to either side that U^L reads
+    sphere_bounds(terrain, 0, (x0 >> -level) - REACH, (y0 >> -level) - REACH, (x1 >> -level) + 1 + REACH,
+                  (y1 >> -level) + 1 + REACH, min_q, max_q);
+    double range = (double)*max_q - *min_q;
+    int32_t margin = (int32_t)ceil(range * DETAIL_OVERSHOOT + detail_noise_limit(&terrain->detail, -level));
+    *min_q -= margin;
+    *max_q += margin;
+}
+
 void terrain_bounds(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int64_t x1, int64_t y1,
                     int32_t *min_q, int32_t *max_q)
 {
+    if (is_sphere(terrain)) {
+        (level < 0 ? detail_bounds : sphere_bounds)(terrain, level, x0, y0, x1, y1, min_q, max_q);
+        return;
+    }
     const struct pyramid_level *l = pyramid_level(&terrain->pyramid, level);
     const struct terrain_extent *e = &l->extent;
     int64_t from[2] = {clamp(x0, e->x0, e->x1 - 1) - e->x0, clamp(y0, e->y0, e->y1 - 1) - e->y0};
@@ -229,6 +381,7 @@ void terrain_bounds(const struct terrain *terrain, int level, int64_t x0, int64_
 
 const int32_t *terrain_samples(const struct terrain *terrain, int level, size_t *stride)
 {
+    if (level < terrain->pyramid.finest) return NULL;
     const struct pyramid_level *l = pyramid_level(&terrain->pyramid, level);
     *stride = (size_t)pyramid_width(l);
     return l->samples;
@@ -249,10 +402,34 @@ static int64_t cell_of(double place_m, double spacing_m, int64_t first, int64_t 
     return cell - first;
 }
 
+// On a sphere: any longitude; a latitude that rounding put beyond a pole is the pole's.
+static bool sphere_truth_at(const struct terrain *terrain, double x_m, double y_m, double *height_q,
+                            double slope[2])
+{
+    const struct terrain_info *info = &terrain->info;
+    struct sphere_grid grid = sphere_level(&terrain->detail.grid, info->finest);
+    double spacing[2] = {ldexp(info->spacing_m[0], info->finest), ldexp(info->spacing_m[1], info->finest)};
+    double pole = (double)grid.pole, place[2] = {x_m / spacing[0], y_m / spacing[1]};
+    if (!isfinite(place[0]) || !(fabs(place[1]) <= pole + 1e-6 * pole)) return false;
+    place[1] = fmin(fmax(place[1], -pole), pole);
+    int64_t i = (int64_t)floor(place[0]), j = clamp((int64_t)floor(place[1]), -grid.pole, grid.pole - 1);
+    double u = place[0] - (double)i, v = place[1] - (double)j;
+    int32_t z[4]; // south-west, south-east, north-west, north-east
+    terrain_window(terrain, info->finest, i, j, 2, 2, z, TERRAIN_WAIT);
+    double along_x = u >= v ? z[1] - z[0] : z[3] - z[2], along_y = u >= v ? z[3] - z[1] : z[2] - z[0];
+    *height_q = z[0] + u * along_x + v * along_y;
+    if (slope) {
+        slope[0] = along_x / spacing[0];
+        slope[1] = along_y / spacing[1];
+    }
+    return true;
+}
+
 bool terrain_truth_at(const struct terrain *terrain, double x_m, double y_m, double *height_q,
                       double slope[2])
 {
     const struct terrain_info *info = &terrain->info;
+    if (is_sphere(terrain)) return sphere_truth_at(terrain, x_m, y_m, height_q, slope);
     if (!(x_m >= info->outline_m[0] && x_m <= info->outline_m[2] && y_m >= info->outline_m[1] &&
           y_m <= info->outline_m[3]))
         return false;
@@ -279,20 +456,35 @@ bool terrain_truth_at(const struct terrain *terrain, double x_m, double y_m, dou
 
 void terrain_world_from_place(const struct terrain *terrain, const double place[3], double world_m[3])
 {
-    (void)terrain;
-    memmove(world_m, place, 3 * sizeof *place);
+    if (is_sphere(terrain))
+        sphere_world_from_place(terrain->info.radius_m, place, world_m);
+    else
+        memmove(world_m, place, 3 * sizeof *place);
 }
 
 void terrain_place_from_world(const struct terrain *terrain, const double world_m[3], double place[3])
 {
-    (void)terrain;
-    memmove(place, world_m, 3 * sizeof *world_m);
+    if (is_sphere(terrain))
+        sphere_place_from_world(terrain->info.radius_m, world_m, place);
+    else
+        memmove(place, world_m, 3 * sizeof *world_m);
 }
 
 void terrain_up(const struct terrain *terrain, const double world_m[3], double up[3])
 {
-    (void)terrain, (void)world_m;
-    up[0] = 0, up[1] = 0, up[2] = 1;
+    double place[3], axes[3][3];
+    terrain_place_from_world(terrain, world_m, place);
+    terrain_axes(terrain, place, axes);
+    memcpy(up, axes[2], sizeof axes[2]);
+}
+
+void terrain_axes(const struct terrain *terrain, const double place[3], double axes[3][3])
+{
+    static const double PLANE[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    if (is_sphere(terrain))
+        sphere_axes(terrain->info.radius_m, place, axes);
+    else
+        memcpy(axes, PLANE, sizeof PLANE);
 }
 
 size_t terrain_resident_bytes(const struct terrain *terrain)

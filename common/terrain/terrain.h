@@ -4,6 +4,8 @@
 // synthesised detail, levels 1, 2, ... are filtered.  Sample (i, j) of level l lies at
 //     x = i * spacing_x * 2^l,   y = j * spacing_y * 2^l        (i east, j north)
 // so sample (i, j) of level l+1 stands on sample (2i, 2j) of level l, at every level and for any integers.
+// On a sphere, x is longitude and y latitude, both in metres of arc on the datum (angle * radius); a map goes
+// all around, from pole to pole, and its levels do (sphere.h).
 // Heights are integers, "quanta":  height_m = quantum_m * q + offset_m,  |q| < 2^22, so that float32 holds
 // every height, and every mean of four, exactly.
 //
@@ -48,9 +50,9 @@ struct terrain_extent { // samples of one level: x0 <= i < x1, y0 <= j < y1
 struct terrain_info {
     char name[64];
     enum terrain_datum datum;
-    double radius_m;            // sphere only
-    double spacing_m[2];        // of level 0; x and y need not be equal
-    bool wraps_x;               // sphere: column x1 is column x0 again
+    double radius_m;     // sphere only
+    double spacing_m[2]; // of level 0; x and y need not be equal
+    bool wraps_x; // sphere: column x1 is column x0 again, and beyond a pole rows come back half a turn away
     double quantum_m, offset_m; // height_m = quantum_m * q + offset_m
     int finest, coarsest;       // level numbers, finest <= 0 <= coarsest
     double outline_m[4];        // exact outline of the map: x_min, y_min, x_max, y_max
@@ -71,13 +73,15 @@ struct terrain_level {
 // What to make of a source.  A zeroed struct gives the defaults.
 struct terrain_options {
     enum terrain_filter filter;
-    int synthesize_levels; // finer levels to add, 0..8
+    int synthesize_levels; // finer levels to add, 0..8; on a sphere 0..18: made on demand (detail.h)
     uint64_t seed;         // of the noise
     enum terrain_noise noise;
     // The source quantum is divided by 2^this, or by as much as keeps |q| <= 2^21; 0: 8 bits when levels are
     // synthesised, so that their noise is not flattened, else none.
     int refine_bits;
-    int min_size; // levels are added until neither side has more samples than this; 0: 8, at least 3
+    int min_size;       // levels are added until neither side has more samples than this; 0: 8, at least 3
+    double radius_m;    // of the planet that the samples cover; 0: a plane (files know their own)
+    bool pixel_centred; // planet: samples are the centres of cells
 };
 
 // Reads any elevation file: 16-bit PNG with a JSON sidecar, SRTM .hgt, raw 16-bit or float with a sidecar,
@@ -92,6 +96,10 @@ struct terrain *terrain_builtin(const struct terrain_options *options);
 // Builds from samples in memory: row 0 is the SOUTH row, values in quanta, |q| < 2^22; INT32_MIN is a void.
 // `first` is the index of the sample in the south-west corner (any int64: tests put terrain 1e10 samples from
 // the origin).  Copies the samples; options may be NULL.  NULL after one line on stderr.
+// options->radius_m makes it a whole planet: `width`, even, samples a turn, first[0] the index of the first
+// column (longitude 0 is column 0), `height`, odd, rows from pole to pole; each pole is made one height.  Or,
+// pixel_centred, `height`, even, rows of the centres of cells, which are interpolated onto such a grid.  The
+// spacing follows from it.
 struct terrain_grid {
     const char *name;
     const int32_t *samples;
@@ -107,8 +115,9 @@ const struct terrain_info *terrain_info(const struct terrain *terrain);
 struct terrain_level terrain_level(const struct terrain *terrain, int level);
 
 // Copies a window of `width` x `height` samples of `level`, south-west corner (x0, y0), row by row
-// northwards. Samples outside the level's extent repeat the nearest sample inside it.  TERRAIN_TRY may return
-// false: not here yet, now requested; TERRAIN_WAIT always returns true.  Thread-safe.
+// northwards. Samples outside the level's extent repeat the nearest sample inside it, and on a sphere are
+// those that are met on going on.  TERRAIN_TRY may return false: not here yet, now requested; TERRAIN_WAIT
+// always returns true.  Thread-safe.
 bool terrain_window(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int width, int height,
                     int32_t *out, enum terrain_wait wait);
 
@@ -117,12 +126,13 @@ bool terrain_window(const struct terrain *terrain, int level, int64_t x0, int64_
 void terrain_bounds(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int64_t x1, int64_t y1,
                     int32_t *min_q, int32_t *max_q);
 
-// The samples of a level when it is in memory, row 0 south, `*stride` samples a row; else NULL.
+// The samples of a level when it is in memory, row 0 south, `*stride` samples a row; else NULL, as for the
+// synthesised levels of a sphere.
 const int32_t *terrain_samples(const struct terrain *terrain, int level, size_t *stride);
 
 // Extrema pyramid over the cells of the finest level: node (i, j) of height k covers the cells
 // 2^k i <= x < 2^k (i+1) (counted from the extent's south-west corner) and bounds their four corners'
-// heights.
+// heights.  On a sphere: of level 0, whose cells in x are as many as its columns.
 struct terrain_extrema {
     int heights; // number of node levels; the last has one node
     struct terrain_extrema_nodes {
@@ -139,10 +149,14 @@ bool terrain_truth_at(const struct terrain *terrain, double x_m, double y_m, dou
                       double slope[2]);
 
 // Place <-> world.  On the plane (x, y, height) is the world position; on a sphere x is longitude and y
-// latitude. Everything that measures goes through these three, so that a sphere is not a rewrite.
+// latitude, in metres of arc, and the world is planet-centred (z to the north pole, x to longitude 0).
+// Everything that measures goes through these, so that a sphere is not a rewrite.
 void terrain_world_from_place(const struct terrain *terrain, const double place[3], double world_m[3]);
 void terrain_place_from_world(const struct terrain *terrain, const double world_m[3], double place[3]);
 void terrain_up(const struct terrain *terrain, const double world_m[3], double up[3]);
+// Unit vectors at a place in the world: rows east, north, up.  At a pole the place's x tells which way is
+// east.
+void terrain_axes(const struct terrain *terrain, const double place[3], double axes[3][3]);
 
 size_t terrain_resident_bytes(const struct terrain *terrain);
 

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: MIT
+#include "common/terrain/detail.h"
+
+#include "common/terrain/synthesis.h"
+#include "common/terrain/upsample.h"
+
+// Windows are made tile by tile, so that the coarser windows under a tile fit a small array: a tile of 64
+// needs 36 samples a side of the next level, then 22, 15, 12, 10 and from there on at most 9.
+enum { TILE = 64, SCRATCH = 36 * 36 + 22 * 22 + 15 * 15 + 12 * 12 + 10 * 10 + 81 * DETAIL_MAX_FINER };
+
+static int32_t limit(int32_t q)
+{
+    return q > QUANTA_LIMIT ? QUANTA_LIMIT : q < -QUANTA_LIMIT ? -QUANTA_LIMIT : q;
+}
+
+// Columns crowd towards the poles, and noise of one height would make walls of them.  Only exact operations
+// and divisions: the same on any machine.
+static double taper(const struct sphere_grid *grid, int64_t j)
+{
+    double t = (double)j / (double)grid->pole;
+    return 1 - t * t;
+}
+
+static void add_noise(const struct detail *detail, int level, int64_t x0, int64_t y, int width, int32_t *row)
+{
+    struct sphere_grid grid = sphere_level(&detail->grid, level);
+    int64_t i = x0, j = y;
+    sphere_fold(&grid, &i, &j);
+    double sigma = detail->sigma_q[-level] * taper(&grid, j);
+    if (sigma == 0) return;
+    while (width > 0) {
+        int64_t run = grid.first + grid.columns - i;
+        if (run > width) run = width;
+        synthesis_add_row(row, run, i, j, level, detail->seed, sigma);
+        row += run;
+        width -= (int)run;
+        i = grid.first;
+    }
+}
+
+static void make_tile(const struct detail *detail, int level, int64_t x0, int64_t y0, int width, int height,
+                      int32_t *out, int32_t *scratch)
+{
+    if (level == 0) {
+        sphere_window(&detail->grid, detail->samples, x0, y0, width, height, out);
+        return;
+    }
+    int coarse_width = upsample_coarse_size(x0, width), coarse_height = upsample_coarse_size(y0, height);
+    make_tile(detail, level + 1, (x0 >> 1) - 1, (y0 >> 1) - 1, coarse_width, coarse_height, scratch,
+              scratch + coarse_width * coarse_height);
+    upsample(scratch, x0, y0, width, height, out);
+    for (int j = 0; j < height; j++) {
+        int32_t *row = out + (int64_t)j * width;
+        add_noise(detail, level, x0, y0 + j, width, row);
+        for (int i = 0; i < width; i++) row[i] = limit(row[i]);
+    }
+}
+
+void detail_window(const struct detail *detail, int level, int64_t x0, int64_t y0, int width, int height,
+                   int32_t *out)
+{
+    int32_t tile[TILE * TILE], scratch[SCRATCH];
+    for (int y = 0; y < height; y += TILE)
+        for (int x = 0; x < width; x += TILE) {
+            int w = width - x < TILE ? width - x : TILE, h = height - y < TILE ? height - y : TILE;
+            make_tile(detail, level, x0 + x, y0 + y, w, h, tile, scratch);
+            for (int j = 0; j < h; j++)
+                for (int i = 0; i < w; i++) out[(int64_t)(y + j) * width + x + i] = tile[j * w + i];
+        }
+}
+
+double detail_noise_limit(const struct detail *detail, int levels)
+{
+    const double largest_deviate = 8.3, norm = 1.565;
+    double sum = 0;
+    for (int k = 1; k <= levels; k++) sum += norm * (largest_deviate * detail->sigma_q[k] + 1);
+    return sum;
+}
