@@ -18,9 +18,10 @@
 enum {
     SAMPLING_BINDING = 1,
     ROWS_BINDING = 2,
-    HEIGHTS_UNIT = 0,
-    SHADING_UNIT = 15
-}; // shading: not with many textures
+    // Texture units; those below 16 may be bound by others for good, and every OpenGL 3.3 has 48.
+    HEIGHTS_UNIT = 16,   // as many as there are levels; likewise
+    FRAGMENTS_UNIT = 32, // shading, then colours
+};
 
 enum knob {
     KNOB_ROWS,
@@ -49,6 +50,7 @@ enum knob {
     KNOB_MAPPING,
     KNOB_COORDINATES,
     KNOB_FRAGMENT,
+    KNOB_WORDS,
     KNOB_CULL,
     KNOB_FACES,
     KNOB_FALL,
@@ -97,16 +99,18 @@ static const struct renderer_knob knobs[] = {
      PGM_FETCH_PLAIN, 0, 3, "plain|packed|mipmap|linear"},
     {"textures", "all levels in one texture, or one texture each, chosen by branching", 0, 0, 1,
      "atlas|many"},
-    {"memory", "MiB of heights on the GPU, beyond which levels are tiles about the viewer; 0: no limit", 256,
+    {"memory", "MiB of textures on the GPU, beyond which levels are tiles about the viewer; 0: no limit", 256,
      0, 65536, NULL},
-    {"budget", "KiB of heights uploaded a frame at most, once flying", 1024, 64, 1048576, NULL},
+    {"budget", "KiB of textures uploaded a frame at most, once flying", 1024, 64, 1048576, NULL},
     {"mapping", "grid to ground: Equation 1 as printed in world coordinates, or relative to the eye", 1, 0, 1,
      "published|stable"},
     {"coordinates",
      "own shading: texels of a fragment interpolated between vertices (wrong where they read different "
      "levels), or found by itself",
      1, 0, 1, "automatic|explicit"},
-    {"fragment", "own shading: fetches a fragment, of its level or of its parent too", 1, 0, 1, "one|two"},
+    {"fragment", "own shading: fetches a fragment, of its level or of its parent too; none shows cells", 1, 0,
+     2, "one|two|none"},
+    {"words", "own shading: of the four in a texel, the nearest or a blend", 1, 0, 1, "nearest|blended"},
     {"cull", "leave out tiles of the grid outside the view: few, as the rows fit the view already", 0, 0, 1,
      "off|on"},
     {"faces",
@@ -125,16 +129,18 @@ static const struct renderer_knob knobs[] = {
 static const double quick[] = {150, 210, 300, 424, 600, NAN};
 static const double full[] = {150, 180, 210, 250, 300, 360, 424, 500, 600, 768, NAN};
 
+enum { SLOTS_MAX = PGM_LEVELS_MAX + PGM_PICTURE_LEVELS_MAX }; // heights, then colours
+
 // The uniform blocks `sampling` and `grid_rows`, std140.
 struct sampling_block {
     float axes[4];
     float across[4];
     float eye[4];
     int32_t base[4];
-    float cells[PGM_LEVELS_MAX][4];
-    int32_t slots[PGM_LEVELS_MAX][4];
-    int32_t eyes[PGM_LEVELS_MAX][4];
-    int32_t tiles[PGM_LEVELS_MAX][4];
+    float cells[SLOTS_MAX][4];
+    int32_t slots[SLOTS_MAX][4];
+    int32_t eyes[SLOTS_MAX][4];
+    int32_t tiles[SLOTS_MAX][4];
 };
 struct rows_block {
     float rows[PGM_ROWS_MAX + 1][4];
@@ -163,11 +169,13 @@ struct pgm {
     int mesh_rows;                     // of the grid as it was uploaded
     double column_focus, column_width; // pgm_focus of its columns
     bool cull, front_only;
-    struct pgm_atlas atlas;
+    struct pgm_picture picture;
+    struct pgm_atlas atlas,
+        colours; // colours: of the picture, which shading of its own may have; else zeroed
     struct gpu_program programs[PASS_COUNT];
     GLuint vertex_array, vertex_buffer, index_buffer;
     size_t grid_bytes;
-    uint64_t refilled_bytes; // of heights, this frame
+    uint64_t refilled_bytes; // of textures, this frame
     double begun_ms;         // the last frame, in real time
     int tiles;
     GLint *base_vertices; // zeros, one for each tile
@@ -223,10 +231,42 @@ static struct pgm_storage read_storage(const struct pgm *pgm)
                                 .most_texels = gpu_info(pgm->desc.gpu)->max_texture_size};
 }
 
-static bool is_readable(const struct pgm_storage *storage) // by the vertex program
+static bool is_readable(const struct pgm_storage *storage) // by the programs
 {
     return !storage->many || storage->fetch == PGM_FETCH_PLAIN ||
            fail("pgm: textures=many takes fetch=plain");
+}
+
+// Colours get as much of memory and budget as they would take of it if everything were held whole.
+static bool init_textures(struct pgm *pgm)
+{
+    const struct renderer_desc *desc = &pgm->desc;
+    const struct terrain_info *info = terrain_info(desc->terrain);
+    const struct scene_colour *image = desc->effects->colour;
+    struct pgm_storage heights = read_storage(pgm), colours = heights;
+    if (!is_readable(&heights)) return false;
+    if (heights.shaded && image) {
+        int levels = info->coarsest - info->finest + 1;
+        int most = heights.many ? PGM_TEXTURES_MAX - levels : PGM_PICTURE_LEVELS_MAX;
+        if (most < 1)
+            return fail("pgm: textures=many takes a colour image with at most %d levels of heights, but "
+                        "terrain %s has %d",
+                        PGM_TEXTURES_MAX - 1, info->name, levels);
+        if (!pgm_picture_init(&pgm->picture, image, most))
+            return fail("pgm: out of memory for %s", image->name);
+        colours.picture = &pgm->picture;
+        colours.shaded = false;
+        if (colours.fetch != PGM_FETCH_MIPMAP) colours.fetch = PGM_FETCH_PLAIN;
+        double of_heights = (double)pgm_atlas_whole_bytes(desc->terrain, &heights),
+               of_colours = (double)pgm_atlas_whole_bytes(desc->terrain, &colours);
+        double share = of_colours / (of_heights + of_colours);
+        colours.memory_bytes = (size_t)(share * (double)heights.memory_bytes);
+        colours.budget_bytes = (size_t)(share * (double)heights.budget_bytes);
+        heights.memory_bytes -= colours.memory_bytes;
+        heights.budget_bytes -= colours.budget_bytes;
+    }
+    return pgm_atlas_init(&pgm->atlas, desc->gpu, desc->terrain, &heights) &&
+           (!colours.picture || pgm_atlas_init(&pgm->colours, desc->gpu, desc->terrain, &colours));
 }
 
 // Highest of all levels in a rectangle: where filtering overshoots, a coarser level stands higher than the
@@ -288,15 +328,32 @@ static void describe_world(struct pgm *pgm)
     world->user = pgm->desc.terrain;
 }
 
-// Statements that set `height`: a texture for each level, and a branch to each.
-static void write_branches(const struct pgm *pgm, char *out, size_t size)
+// Statements that set `found`: a texture for each level, and a branch to each.
+static size_t write_branches(const char *name, const char *array, const char *part, int levels, char *out,
+                             size_t size)
 {
-    size_t used = (size_t)snprintf(out, size, "#define LEVELS %d\n#define MANY ", pgm->atlas.levels);
-    for (int k = 0; k < pgm->atlas.levels && used < size; k++)
+    size_t used = (size_t)snprintf(out, size, "#define %s ", name);
+    for (int k = 0; k < levels && used < size; k++)
         used += (size_t)snprintf(out + used, size - used,
-                                 "%sif (level == %d) height = texelFetch(heights[%d], texel, 0).r;",
-                                 k ? " else " : "", k, k);
-    if (used < size) snprintf(out + used, size - used, "\n");
+                                 "%sif (level == %d) found = texelFetch(%s[%d], texel, 0)%s;",
+                                 k ? " else " : "", k, array, k, part);
+    if (used < size) used += (size_t)snprintf(out + used, size - used, "\n");
+    return used;
+}
+
+static void write_many(const struct pgm *pgm, char *out, size_t size)
+{
+    int heights = pgm->atlas.levels, colours = pgm->colours.levels;
+    size_t used =
+        (size_t)snprintf(out, size, "#define HEIGHT_LEVELS %d\n#define COLOUR_LEVELS %d\n", heights, colours);
+    used += write_branches("MANY_HEIGHTS", "heights", ".r", heights, out + used, size - used);
+    if (used < size) used += write_branches("MANY_SHADING", "shading", "", heights, out + used, size - used);
+    if (used < size) write_branches("MANY_COLOURS", "colours", "", colours, out + used, size - used);
+}
+
+static bool is_whole(const struct pgm *pgm) // colours, too
+{
+    return pgm_atlas_is_whole(&pgm->atlas) && pgm_atlas_is_whole(&pgm->colours);
 }
 
 // Choices, and the levels' tiles, which vertices and fragments share.
@@ -304,35 +361,44 @@ static void write_defines(const struct pgm *pgm, char *out, size_t size)
 {
     static const char *const filters[] = {"FILTER_NEAREST", "FILTER_BILINEAR", "FILTER_TRIANGLE"};
     static const char *const fetches[] = {"FETCH_PLAIN", "FETCH_PACKED", "FETCH_MIPMAP", "FETCH_LINEAR"};
+    static const char *const fragments[] = {"#define ONE_FETCH\n", "", "#define NO_FETCH\n"};
     const double *knob = pgm->desc.knobs;
     const struct embedded_file *levels = embedded_find("pgm/pgm_levels.glsl");
     size_t used = (size_t)snprintf(
-        out, size, "#define LEVELS_MAX %d\n#define ROWS_MAX %d\n#define %s\n#define %s\n%s%s%s%s%s%s%s%.*s\n",
-        PGM_LEVELS_MAX, PGM_ROWS_MAX, filters[(int)knob[KNOB_FILTER]], fetches[(int)knob[KNOB_FETCH]],
-        pgm->atlas.narrow ? "" : "#define WIDE\n", pgm_atlas_is_whole(&pgm->atlas) ? "" : "#define TILED\n",
+        out, size,
+        "#define SLOTS_MAX %d\n#define ROWS_MAX %d\n#define %s\n#define %s\n%s%s%s%s%s%s%s%s%s%.*s\n",
+        SLOTS_MAX, PGM_ROWS_MAX, filters[(int)knob[KNOB_FILTER]], fetches[(int)knob[KNOB_FETCH]],
+        pgm->atlas.narrow ? "" : "#define WIDE\n", is_whole(pgm) ? "" : "#define TILED\n",
         pgm->settings.lod == PGM_LOD_PUBLISHED ? "#define WEIGHT_PUBLISHED\n" : "",
         knob[KNOB_MAPPING] > 0 ? "" : "#define MAPPING_PUBLISHED\n",
         knob[KNOB_COORDINATES] > 0 ? "" : "#define COORDINATES_AUTOMATIC\n",
-        knob[KNOB_FRAGMENT] > 0 ? "" : "#define ONE_FETCH\n",
+        fragments[(int)knob[KNOB_FRAGMENT]], knob[KNOB_WORDS] > 0 ? "" : "#define NEAREST_WORD\n",
         knob[KNOB_EDGE] > 0 ? "" : "#define EDGE_CLAMPED\n#define MAP_UNBOUNDED\n",
-        (int)(levels->end - levels->data), (const char *)levels->data);
-    if (pgm->atlas.storage.many && used < size) write_branches(pgm, out + used, size - used);
+        pgm->colours.levels ? "#define OWN_COLOUR\n" : "", (int)(levels->end - levels->data),
+        (const char *)levels->data);
+    if (pgm->atlas.storage.many && used < size) write_many(pgm, out + used, size - used);
+}
+
+static void bind_units(GLuint program, const char *name, int first, int count)
+{
+    GLint units[PGM_TEXTURES_MAX];
+    for (int i = 0; i < count; i++) units[i] = first + i;
+    glUniform1iv(glGetUniformLocation(program, name), count, units);
 }
 
 static void bind_names(struct pgm *pgm, GLuint program)
 {
     glUniformBlockBinding(program, glGetUniformBlockIndex(program, "sampling"), SAMPLING_BINDING);
     glUniformBlockBinding(program, glGetUniformBlockIndex(program, "grid_rows"), ROWS_BINDING);
-    GLint units[PGM_TEXTURES_MAX];
-    for (int i = 0; i < PGM_TEXTURES_MAX; i++) units[i] = HEIGHTS_UNIT + i;
-    int count = pgm->atlas.storage.many ? pgm->atlas.levels : 1;
-    glUniform1iv(glGetUniformLocation(program, "heights"), count, units);
-    glUniform1i(glGetUniformLocation(program, "shading"), SHADING_UNIT);
+    int count = pgm_atlas_textures(&pgm->atlas);
+    bind_units(program, "heights", HEIGHTS_UNIT, count);
+    bind_units(program, "shading", FRAGMENTS_UNIT, count);
+    bind_units(program, "colours", FRAGMENTS_UNIT + count, pgm_atlas_textures(&pgm->colours));
 }
 
 static bool build_programs(struct pgm *pgm)
 {
-    char defines[8192];
+    char defines[16384];
     write_defines(pgm, defines, sizeof defines);
     for (int pass = 0; pass < PASS_COUNT; pass++) {
         struct gpu_program *program = &pgm->programs[pass];
@@ -409,6 +475,8 @@ static void pgm_destroy(struct renderer *renderer)
     if (pgm->index_buffer) glDeleteBuffers(1, &pgm->index_buffer);
     for (int pass = 0; pass < PASS_COUNT; pass++) gpu_program_finish(&pgm->programs[pass]);
     pgm_atlas_finish(&pgm->atlas);
+    pgm_atlas_finish(&pgm->colours);
+    pgm_picture_finish(&pgm->picture);
     free(pgm);
 }
 
@@ -419,9 +487,7 @@ static struct renderer *pgm_create(const struct renderer_desc *desc)
     pgm->renderer.type = &pgm_renderer;
     pgm->desc = *desc;
     read_settings(pgm);
-    struct pgm_storage storage = read_storage(pgm);
-    if (!is_readable(&storage) || !pgm_atlas_init(&pgm->atlas, desc->gpu, desc->terrain, &storage) ||
-        !build_programs(pgm) || !upload_grid(pgm) || !init_selections(pgm)) {
+    if (!init_textures(pgm) || !build_programs(pgm) || !upload_grid(pgm) || !init_selections(pgm)) {
         pgm_destroy(&pgm->renderer);
         return NULL;
     }
@@ -466,30 +532,40 @@ static int32_t near_zero(int64_t cells)
     return (int32_t)(cells < -far ? -far : cells > far ? far : cells);
 }
 
-static void fill_levels(struct pgm *pgm, const struct view *view)
+static void fill_slot(struct sampling_block *block, int slot, const struct pgm_atlas *atlas,
+                      const struct terrain *terrain, const struct view *view, int k)
 {
-    const struct terrain_info *info = terrain_info(pgm->desc.terrain);
-    struct sampling_block *block = &pgm->block;
-    for (int k = 0; k < pgm->atlas.levels; k++) {
-        const struct pgm_slot *slot = &pgm->atlas.slots[k];
-        const struct pgm_window *window = &slot->window;
-        struct view_origin eye = view_level_origin(view, pgm->atlas.finest + k);
-        int64_t origin[2];
-        pgm_window_origin(window, origin);
-        const int64_t first[2] = {window->held.x0, window->held.y0},
-                      end[2] = {window->held.x1, window->held.y1};
-        const int corner[2] = {slot->x, slot->y}, sides[2] = {window->width, window->height};
-        for (int axis = 0; axis < 2; axis++) {
-            block->cells[k][axis] = (float)(1 / ldexp(info->spacing_m[axis], pgm->atlas.finest + k));
-            block->cells[k][axis + 2] = eye.fraction[axis];
-            block->slots[k][axis] = near_zero(first[axis] - origin[axis]);
-            block->slots[k][axis + 2] = near_zero(end[axis] - 1 - origin[axis]);
-            block->eyes[k][axis] = near_zero(eye.base[axis] - origin[axis]);
-            block->eyes[k][axis + 2] = corner[axis];
-            block->tiles[k][axis] = sides[axis];
-            block->tiles[k][axis + 2] = (int32_t)(origin[axis] & 1);
-        }
+    const struct pgm_window *window = &atlas->slots[k].window;
+    struct pgm_place eye = pgm_atlas_place(atlas, terrain, view, k);
+    int64_t origin[2];
+    pgm_window_origin(window, origin);
+    const int64_t first[2] = {window->held.x0, window->held.y0}, end[2] = {window->held.x1, window->held.y1};
+    const int corner[2] = {atlas->slots[k].x, atlas->slots[k].y}, sides[2] = {window->width, window->height};
+    for (int axis = 0; axis < 2; axis++) {
+        block->cells[slot][axis] = (float)(1 / eye.spacing_m[axis]);
+        block->cells[slot][axis + 2] = eye.fraction[axis];
+        block->slots[slot][axis] = near_zero(first[axis] - origin[axis]);
+        block->slots[slot][axis + 2] = near_zero(end[axis] - 1 - origin[axis]);
+        block->eyes[slot][axis] = near_zero(eye.cell[axis] - origin[axis]);
+        block->eyes[slot][axis + 2] = corner[axis];
+        block->tiles[slot][axis] = sides[axis];
+        block->tiles[slot][axis + 2] = (int32_t)(origin[axis] & 1);
     }
+}
+
+static void fill_slots(struct pgm *pgm, const struct view *view)
+{
+    const struct terrain *terrain = pgm->desc.terrain;
+    struct sampling_block *block = &pgm->block;
+    int heights = pgm->atlas.levels, colours = pgm->colours.levels;
+    for (int k = 0; k < heights; k++) fill_slot(block, k, &pgm->atlas, terrain, view, k);
+    for (int k = 0; k < colours; k++) fill_slot(block, heights + k, &pgm->colours, terrain, view, k);
+    block->base[0] = pgm->atlas.base_q;
+    block->base[1] = heights - 1;
+    block->base[2] = heights + colours - 1;
+    if (colours == 0) return;
+    struct pgm_place pixel = pgm_atlas_place(&pgm->colours, terrain, view, 0);
+    block->across[2] = (float)log2(pgm->world.spacing_m / sqrt(pixel.spacing_m[0] * pixel.spacing_m[1]));
 }
 
 static void fill_block(struct pgm *pgm, const struct selection *selection, const struct view *view)
@@ -505,9 +581,7 @@ static void fill_block(struct pgm *pgm, const struct selection *selection, const
     }
     for (int axis = 0; axis < 3; axis++) block->eye[axis] = (float)view->eye_m[axis];
     block->eye[3] = (float)sampler->height_m;
-    block->base[0] = pgm->atlas.base_q;
-    block->base[1] = pgm->atlas.levels - 1;
-    fill_levels(pgm, view);
+    fill_slots(pgm, view);
     for (int j = 0; j <= selection->used.rows; j++) {
         const struct pgm_row *row = &pgm->rows[j];
         double weight = pgm->settings.lod != PGM_LOD_PUBLISHED ? row->weight
@@ -641,13 +715,24 @@ static bool pgm_update(struct renderer *renderer, const struct view *views, int 
     struct pgm *pgm = (struct pgm *)renderer;
     // Tiles follow the first viewer; another makes do with what it finds there: coarser, but without holes.
     uint64_t before = gpu_counters(pgm->desc.gpu).upload_bytes;
-    if (count > 0) pgm_atlas_follow(&pgm->atlas, pgm->desc.gpu, pgm->desc.terrain, &views[0]);
+    if (count > 0) {
+        pgm_atlas_follow(&pgm->atlas, pgm->desc.gpu, pgm->desc.terrain, &views[0]);
+        pgm_atlas_follow(&pgm->colours, pgm->desc.gpu, pgm->desc.terrain, &views[0]);
+    }
     pgm->refilled_bytes = gpu_counters(pgm->desc.gpu).upload_bytes - before;
     for (int i = 0; i < count; i++) update_view(pgm, &pgm->selections[i], &views[i]);
     return true;
 }
 
 // ---- draw ------------------------------------------------------------------
+
+static void bind_textures(const GLuint *textures, int count, int unit)
+{
+    for (int i = 0; i < count && textures[i]; i++) {
+        glActiveTexture(GL_TEXTURE0 + (GLenum)(unit + i));
+        glBindTexture(GL_TEXTURE_2D, textures[i]);
+    }
+}
 
 static void pgm_draw(struct renderer *renderer, int view_index, enum render_pass pass)
 {
@@ -657,14 +742,10 @@ static void pgm_draw(struct renderer *renderer, int view_index, enum render_pass
     gpu_use_program(pgm->desc.gpu, &pgm->programs[pass]);
     glBindBufferBase(GL_UNIFORM_BUFFER, SAMPLING_BINDING, selection->sampling);
     glBindBufferBase(GL_UNIFORM_BUFFER, ROWS_BINDING, selection->rows);
-    for (int i = 0; i < (pgm->atlas.storage.many ? pgm->atlas.levels : 1); i++) {
-        glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT + (GLenum)i);
-        glBindTexture(GL_TEXTURE_2D, pgm->atlas.textures[i]);
-    }
-    if (pgm->atlas.shading) {
-        glActiveTexture(GL_TEXTURE0 + SHADING_UNIT);
-        glBindTexture(GL_TEXTURE_2D, pgm->atlas.shading);
-    }
+    int count = pgm_atlas_textures(&pgm->atlas);
+    bind_textures(pgm->atlas.textures, count, HEIGHTS_UNIT);
+    bind_textures(pgm->atlas.shading, count, FRAGMENTS_UNIT);
+    bind_textures(pgm->colours.textures, pgm_atlas_textures(&pgm->colours), FRAGMENTS_UNIT + count);
     glBindVertexArray(pgm->vertex_array);
     if (pgm->front_only && pass != PASS_POSITION)
         glEnable(GL_CULL_FACE); // measuring looks for faces seen from below
@@ -686,7 +767,7 @@ static void pgm_stats(const struct renderer *renderer, struct renderer_stats *st
     *stats = (struct renderer_stats){
         .triangles = selection->triangles,
         .claimed_error_px = (double)NAN,
-        .resident_bytes = pgm_atlas_bytes(&pgm->atlas) + pgm->grid_bytes +
+        .resident_bytes = pgm_atlas_bytes(&pgm->atlas) + pgm_atlas_bytes(&pgm->colours) + pgm->grid_bytes +
                           RENDERER_MAX_VIEWS * (sizeof pgm->block + sizeof pgm->rows_block),
         .counters = {{"rows", selection->sampler.empty ? 0 : selection->used.rows},
                      {"columns", selection->sampler.empty ? 0 : selection->used.columns},
@@ -696,6 +777,8 @@ static void pgm_stats(const struct renderer *renderer, struct renderer_stats *st
                      {"below_base", selection->sampler.below_base},
                      {"tile_side", pgm->atlas.side},
                      {"atlas_bytes", (double)pgm_atlas_bytes(&pgm->atlas)},
+                     {"colour_side", pgm->colours.side},
+                     {"colour_bytes", (double)pgm_atlas_bytes(&pgm->colours)},
                      {"refilled_bytes", (double)pgm->refilled_bytes},
                      {"rows_coarsened", selection->coarsened}},
     };

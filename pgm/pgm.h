@@ -6,9 +6,10 @@
 //   pgm_rows      how many rows it has, how they are spread and which level they read; plain C
 //   pgm_mesh      vertices and indices of the grid; plain C
 //   pgm_windows   which samples of each level are in texture memory; plain C
-//   pgm_atlas     the heights of all levels in one texture, or in one each
+//   pgm_picture   a colour image as a pyramid; plain C
+//   pgm_atlas     the heights, or the colours, of all levels in one texture, or in one each
 //   pgm.vert      row table to place, place to height; pgm_levels.glsl: where the samples are
-//   pgm.frag      shading of its own: a word of each sample, fetched by each fragment
+//   pgm.frag      shading of its own: words of normals and of colours, fetched by each fragment
 //   pgm.c         the renderer: a row table a frame, one draw
 //
 // The defaults are those that err least for their triangles.  At 180 000 triangles on the default flight they

@@ -2,7 +2,7 @@
 //   FILTER_NEAREST, _BILINEAR, _TRIANGLE  how a level is read between samples
 //   FETCH_PACKED, _PLAIN, _MIPMAP, _LINEAR  what a texel holds (pgm_atlas.h); WIDE: heights span more than 16 bits
 //   TILED                                 some levels are tiles about the viewer: their texels wrap
-//   MANY(level, texel)                    a texture for each level, chosen by branching
+//   MANY_HEIGHTS                          a texture for each level, chosen by branching
 //   MAPPING_PUBLISHED                     Equation 1 as printed; WEIGHT_PUBLISHED: Equation 7 as printed
 // The levels' tiles, cells and texels are in pgm_levels.glsl.
 layout(location = 0) in vec2 grid; // row; X in [-1, 1]
@@ -68,10 +68,7 @@ uniform sampler2D heights;
 // Boxes of 2 x 2 texels, blended by the hardware's sampler, which may weigh in 256 steps.
 float blended_height(int level, vec2 place, float weight)
 {
-    ivec4 slot = slots[0];
-    vec2 from_eye = clamp(place * cells[0].xy + cells[0].zw, -1e9, 1e9);
-    vec2 uv = (from_eye + vec2(eyes[0].xy) + 0.5) / vec2(slot.zw + 1);
-    return textureLod(heights, uv, float(level) + weight).r + float(base.x);
+    return textureLod(heights, texture_place(0, place), float(level) + weight).r + float(base.x);
 }
 #else
 #if defined(FETCH_LINEAR)
@@ -84,15 +81,15 @@ float level_height(int level, cell at)
     return textureLod(heights, texel / vec2(textureSize(heights, 0)), 0.0).r + float(base.x);
 }
 #else
-#if defined(MANY)
-uniform isampler2D heights[LEVELS];
+#if defined(MANY_HEIGHTS)
+uniform isampler2D heights[HEIGHT_LEVELS];
 
 float fetch(int level, ivec2 corner)
 {
     ivec2 texel = texel_of(level, corner);
-    int height = 0;
-    MANY
-    return float(height + base.x);
+    int found = 0;
+    MANY_HEIGHTS
+    return float(found + base.x);
 }
 #else
 uniform isampler2D heights;
@@ -150,7 +147,18 @@ vec2 place_of(vec4 row)
 
 #if defined(SHADING_OWN)
 out float v_lambda; // level and parent's weight, for fragments
-out vec2 v_texel;   // of the vertex in its own level's tile: only the automatic form looks at it
+#if defined(COORDINATES_AUTOMATIC)
+out vec2 v_texel; // of the vertex in its own level's tile
+#if defined(OWN_COLOUR)
+out vec2 v_colour_texel;
+#endif
+
+vec2 interpolated_texel(int level, vec2 place)
+{
+    cell own = cell_at(level, place);
+    return vec2(texel_of(level, own.corner)) + own.part;
+}
+#endif
 #endif
 
 vec3 relative_position()
@@ -162,9 +170,13 @@ vec3 relative_position()
     if (weight != 0.0) weight = length(place) * weight - 1.0;
 #endif
 #if defined(SHADING_OWN)
-    cell own = cell_at(int(row.z), place);
-    v_texel = vec2(texel_of(int(row.z), own.corner)) + own.part;
     v_lambda = max(row.z + weight, 0.0);
+#if defined(COORDINATES_AUTOMATIC)
+    v_texel = interpolated_texel(int(row.z), place);
+#if defined(OWN_COLOUR)
+    v_colour_texel = interpolated_texel(colour_slot(v_lambda), place);
+#endif
+#endif
 #endif
     return vec3(place, relative_height(blended_height(int(row.z), place, weight)));
 }

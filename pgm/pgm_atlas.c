@@ -19,15 +19,30 @@ static int64_t larger(int64_t a, int64_t b)
     return a > b ? a : b;
 }
 
-enum { SHADING_BYTES = 16 };
+static bool is_mipmapped(const struct pgm_atlas *atlas)
+{
+    return atlas->storage.fetch == PGM_FETCH_MIPMAP;
+}
 
 static bool holds_floats(const struct pgm_atlas *atlas)
 {
-    return atlas->storage.fetch == PGM_FETCH_MIPMAP || atlas->storage.fetch == PGM_FETCH_LINEAR;
+    return is_mipmapped(atlas) || atlas->storage.fetch == PGM_FETCH_LINEAR;
 }
 
-static size_t height_bytes(const struct pgm_atlas *atlas)
+// Of shading and of colour: the words of a cell, or of the sample alone.
+static int words_a_sample(const struct pgm_atlas *atlas)
 {
+    return is_mipmapped(atlas) ? 1 : 4;
+}
+
+static size_t word_bytes(const struct pgm_atlas *atlas)
+{
+    return sizeof(uint32_t) * (size_t)words_a_sample(atlas);
+}
+
+static size_t first_bytes(const struct pgm_atlas *atlas)
+{
+    if (atlas->storage.picture) return word_bytes(atlas);
     switch (atlas->storage.fetch) {
     case PGM_FETCH_PACKED:
         return atlas->narrow ? 16 : 32;
@@ -39,10 +54,15 @@ static size_t height_bytes(const struct pgm_atlas *atlas)
     }
 }
 
-// Of a sample: height and shading.
+// Of a sample: height or colour, and shading.
 static size_t texel_bytes(const struct pgm_atlas *atlas)
 {
-    return height_bytes(atlas) + (atlas->storage.shaded ? SHADING_BYTES : 0);
+    return first_bytes(atlas) + (atlas->storage.shaded ? word_bytes(atlas) : 0);
+}
+
+static int texels_a_sample(const struct pgm_atlas *atlas)
+{
+    return atlas->storage.fetch == PGM_FETCH_PACKED && !atlas->narrow ? 2 : 1;
 }
 
 // ---- layout ----------------------------------------------------------------
@@ -54,7 +74,7 @@ static void place_slots(struct pgm_atlas *atlas)
     const struct pgm_window *first = &atlas->slots[0].window;
     int turned = first->width > first->height; // 1: x and y change places
     int most = turned ? first->width : first->height, at[2] = {0, 0}, breadth = 0;
-    bool alone = atlas->storage.many || atlas->storage.fetch == PGM_FETCH_MIPMAP; // in textures of their own
+    bool alone = atlas->storage.many || is_mipmapped(atlas); // in textures of their own
     atlas->width = atlas->height = 0;
     for (int k = 0; k < atlas->levels; k++) {
         struct pgm_slot *slot = &atlas->slots[k];
@@ -90,8 +110,13 @@ static size_t tile_bytes(const struct pgm_atlas *atlas)
 
 size_t pgm_atlas_bytes(const struct pgm_atlas *atlas)
 {
-    if (atlas->storage.fetch == PGM_FETCH_MIPMAP || atlas->storage.many) return tile_bytes(atlas);
+    if (is_mipmapped(atlas) || atlas->storage.many) return tile_bytes(atlas);
     return (size_t)atlas->width * (size_t)atlas->height * texel_bytes(atlas);
+}
+
+int pgm_atlas_textures(const struct pgm_atlas *atlas)
+{
+    return atlas->storage.many ? atlas->levels : atlas->levels > 0;
 }
 
 bool pgm_atlas_is_whole(const struct pgm_atlas *atlas)
@@ -107,11 +132,21 @@ static bool fits(struct pgm_atlas *atlas, int64_t side)
 {
     const struct pgm_storage *storage = &atlas->storage;
     size_tiles(atlas, side);
-    bool wide = atlas->storage.fetch == PGM_FETCH_PACKED && !atlas->narrow; // two texels a sample
     return (storage->memory_bytes == 0 || pgm_atlas_bytes(atlas) <= storage->memory_bytes) &&
-           atlas->width * (wide ? 2 : 1) <= storage->most_texels && atlas->height <= storage->most_texels &&
+           atlas->width * texels_a_sample(atlas) <= storage->most_texels &&
+           atlas->height <= storage->most_texels &&
            (pgm_atlas_is_whole(atlas) || (size_t)side * texel_bytes(atlas) <= storage->budget_bytes) &&
            pgm_window_is_whole(&atlas->slots[atlas->levels - 1].window);
+}
+
+static void describe_picture(struct pgm_atlas *atlas)
+{
+    const struct pgm_picture *picture = atlas->storage.picture;
+    atlas->finest = 0;
+    atlas->levels = picture->levels;
+    atlas->narrow = true;
+    for (int k = 0; k < atlas->levels; k++)
+        atlas->slots[k] = (struct pgm_slot){.window.extent = {0, 0, picture->width[k], picture->height[k]}};
 }
 
 static void describe_levels(struct pgm_atlas *atlas, const struct terrain *terrain)
@@ -131,29 +166,47 @@ static void describe_levels(struct pgm_atlas *atlas, const struct terrain *terra
     atlas->base_q = atlas->narrow && !holds_floats(atlas) ? low - INT16_MIN : 0;
 }
 
+static void describe(struct pgm_atlas *atlas, const struct terrain *terrain,
+                     const struct pgm_storage *storage)
+{
+    atlas->storage = *storage;
+    if (storage->picture)
+        describe_picture(atlas);
+    else
+        describe_levels(atlas, terrain);
+}
+
+size_t pgm_atlas_whole_bytes(const struct terrain *terrain, const struct pgm_storage *storage)
+{
+    struct pgm_atlas atlas = {0};
+    size_t samples = 0;
+    describe(&atlas, terrain, storage);
+    for (int k = 0; k < atlas.levels; k++) {
+        const struct terrain_extent *extent = &atlas.slots[k].window.extent;
+        samples += (size_t)(extent->x1 - extent->x0) * (size_t)(extent->y1 - extent->y0);
+    }
+    return samples * texel_bytes(&atlas);
+}
+
 bool pgm_atlas_layout(struct pgm_atlas *atlas, const struct terrain *terrain,
                       const struct pgm_storage *storage)
 {
-    const char *name = terrain_info(terrain)->name;
-    atlas->storage = *storage;
-    describe_levels(atlas, terrain);
+    const char *name = storage->picture ? storage->picture->image->name : terrain_info(terrain)->name;
+    describe(atlas, terrain, storage);
     if (storage->many && atlas->levels > PGM_TEXTURES_MAX)
-        return fail("pgm: textures=many takes at most %d levels, but terrain %s has %d", PGM_TEXTURES_MAX,
-                    name, atlas->levels);
-    if (storage->shaded && (storage->many || storage->fetch == PGM_FETCH_MIPMAP))
-        return fail("pgm: shading of its own takes fetch=plain or fetch=packed and textures=atlas");
+        return fail("pgm: textures=many takes at most %d levels, but %s has %d", PGM_TEXTURES_MAX, name,
+                    atlas->levels);
     const struct terrain_extent *finest = &atlas->slots[0].window.extent;
     int64_t too_large = larger(finest->x1 - finest->x0, finest->y1 - finest->y0);
     if (fits(atlas, too_large)) return true;
-    if (storage->fetch == PGM_FETCH_MIPMAP)
-        return fail(
-            "pgm: fetch=mipmap holds the whole terrain %s, which takes %zu bytes in a texture of %d x "
-            "%d; accepted are %zu bytes (memory=) and %d texels a side",
-            name, pgm_atlas_bytes(atlas), atlas->width, atlas->height, storage->memory_bytes,
-            storage->most_texels);
+    if (is_mipmapped(atlas))
+        return fail("pgm: fetch=mipmap holds the whole of %s, which takes %zu bytes in a texture of %d x "
+                    "%d; accepted are %zu bytes (memory=) and %d texels a side",
+                    name, pgm_atlas_bytes(atlas), atlas->width, atlas->height, storage->memory_bytes,
+                    storage->most_texels);
     int64_t side = SIDE_LEAST;
     if (!fits(atlas, side))
-        return fail("pgm: terrain %s needs tiles of at least %d texels, %zu bytes for %d levels: memory= is "
+        return fail("pgm: %s needs tiles of at least %d texels, %zu bytes for %d levels: memory= is "
                     "too small",
                     name, SIDE_LEAST, pgm_atlas_bytes(atlas), atlas->levels);
     while (too_large - side > 1) {
@@ -164,6 +217,31 @@ bool pgm_atlas_layout(struct pgm_atlas *atlas, const struct terrain *terrain,
             too_large = middle;
     }
     return fits(atlas, side);
+}
+
+struct pgm_place pgm_atlas_place(const struct pgm_atlas *atlas, const struct terrain *terrain,
+                                 const struct view *view, int k)
+{
+    const struct terrain_info *info = terrain_info(terrain);
+    const struct pgm_picture *picture = atlas->storage.picture;
+    struct pgm_place place;
+    struct view_origin origin = {0};
+    if (!picture) origin = view_level_origin(view, atlas->finest + k);
+    for (int axis = 0; axis < 2; axis++) {
+        if (!picture) {
+            place.cell[axis] = origin.base[axis];
+            place.fraction[axis] = origin.fraction[axis];
+            place.spacing_m[axis] = ldexp(info->spacing_m[axis], atlas->finest + k);
+            continue;
+        }
+        int pixels = axis ? picture->height[0] : picture->width[0];
+        place.spacing_m[axis] = ldexp((info->outline_m[axis + 2] - info->outline_m[axis]) / pixels, k);
+        double at = (view->eye_m[axis] - info->outline_m[axis]) / place.spacing_m[axis] - 0.5;
+        at = fmin(fmax(at, -0x1p60), 0x1p60);
+        place.cell[axis] = (int64_t)floor(at);
+        place.fraction[axis] = (float)(at - floor(at));
+    }
+    return place;
 }
 
 // ---- texels ----------------------------------------------------------------
@@ -214,9 +292,23 @@ static void pack(const struct pgm_atlas *atlas, const struct terrain *terrain, i
         }
 }
 
+static void write_colours(const struct pgm_atlas *atlas, int k, const struct terrain_extent *box)
+{
+    uint32_t *out = atlas->texels;
+    int words = words_a_sample(atlas);
+    for (int64_t y = box->y0; y < box->y1; y++)
+        for (int64_t x = box->x0; x < box->x1; x++)
+            for (int corner = 0; corner < words; corner++)
+                *out++ = pgm_picture_word(atlas->storage.picture, k, x + corner % 2, y + corner / 2);
+}
+
 void pgm_atlas_texels(const struct pgm_atlas *atlas, const struct terrain *terrain, int k,
                       const struct terrain_extent *box)
 {
+    if (atlas->storage.picture) {
+        write_colours(atlas, k, box);
+        return;
+    }
     int width = (int)(box->x1 - box->x0), height = (int)(box->y1 - box->y0);
     size_t count = (size_t)width * (size_t)height;
     if (atlas->storage.fetch == PGM_FETCH_PACKED) {
@@ -246,6 +338,7 @@ void pgm_atlas_shading(const struct pgm_atlas *atlas, const struct terrain *terr
 {
     const struct terrain_info *info = terrain_info(terrain);
     int width = (int)(box->x1 - box->x0), height = (int)(box->y1 - box->y0), level = atlas->finest + k;
+    int words = words_a_sample(atlas);
     size_t stride = (size_t)width + 3;
     double slope_m[2]; // of a difference over two cells, a quantum
     for (int axis = 0; axis < 2; axis++)
@@ -255,7 +348,7 @@ void pgm_atlas_shading(const struct pgm_atlas *atlas, const struct terrain *terr
     uint32_t *out = atlas->texels;
     for (int j = 0; j < height; j++)
         for (int i = 0; i < width; i++)
-            for (int corner = 0; corner < 4; corner++) {
+            for (int corner = 0; corner < words; corner++) {
                 size_t row = (size_t)(j + 1 + corner / 2), column = (size_t)(i + 1 + corner % 2);
                 *out++ = normal_word(atlas->heights + row * stride + column, stride, slope_m);
             }
@@ -267,19 +360,22 @@ struct texel_format {
     GLenum internal, format, type;
 };
 
+static struct texel_format words_format(const struct pgm_atlas *atlas, bool shading)
+{
+    if (!is_mipmapped(atlas)) return (struct texel_format){GL_RGBA32UI, GL_RGBA_INTEGER, GL_UNSIGNED_INT};
+    return shading ? (struct texel_format){GL_RG16_SNORM, GL_RG, GL_SHORT}
+                   : (struct texel_format){GL_RGBA8, GL_RGBA, GL_UNSIGNED_BYTE};
+}
+
 static struct texel_format format_of(const struct pgm_atlas *atlas)
 {
+    if (atlas->storage.picture) return words_format(atlas, false);
     if (holds_floats(atlas)) return (struct texel_format){GL_R32F, GL_RED, GL_FLOAT};
     if (atlas->storage.fetch == PGM_FETCH_PACKED)
         return atlas->narrow ? (struct texel_format){GL_RGBA32UI, GL_RGBA_INTEGER, GL_UNSIGNED_INT}
                              : (struct texel_format){GL_RGBA32I, GL_RGBA_INTEGER, GL_INT};
     return atlas->narrow ? (struct texel_format){GL_R16I, GL_RED_INTEGER, GL_SHORT}
                          : (struct texel_format){GL_R32I, GL_RED_INTEGER, GL_INT};
-}
-
-static int texels_a_sample(const struct pgm_atlas *atlas)
-{
-    return atlas->storage.fetch == PGM_FETCH_PACKED && !atlas->narrow ? 2 : 1;
 }
 
 struct upload {
@@ -294,22 +390,23 @@ static bool upload_box(void *user, const struct terrain_extent *samples, int x, 
     const struct upload *upload = user;
     struct pgm_atlas *atlas = upload->atlas;
     const struct pgm_slot *slot = &atlas->slots[upload->k];
-    struct texel_format format = format_of(atlas);
+    struct texel_format format = format_of(atlas), shading = words_format(atlas, true);
     int width = (int)(samples->x1 - samples->x0), wide = texels_a_sample(atlas);
+    int texture = atlas->storage.many ? upload->k : 0;
     int64_t rows = larger(1, PIECE / width);
     for (int64_t from = samples->y0; from < samples->y1; from += rows) {
         struct terrain_extent piece = {samples->x0, from, samples->x1, smaller(from + rows, samples->y1)};
-        glBindTexture(GL_TEXTURE_2D, atlas->textures[atlas->storage.many ? upload->k : 0]);
+        int column = slot->x + x, row = slot->y + y + (int)(from - samples->y0);
+        int height = (int)(piece.y1 - piece.y0);
+        glBindTexture(GL_TEXTURE_2D, atlas->textures[texture]);
         pgm_atlas_texels(atlas, upload->terrain, upload->k, &piece);
-        gpu_texture_sub_image(upload->gpu, GL_TEXTURE_2D, -1, (slot->x + x) * wide,
-                              slot->y + y + (int)(from - samples->y0), width * wide,
-                              (int)(piece.y1 - piece.y0), format.format, format.type, atlas->texels);
-        if (!atlas->shading) continue;
-        glBindTexture(GL_TEXTURE_2D, atlas->shading);
+        gpu_texture_sub_image(upload->gpu, GL_TEXTURE_2D, -1, column * wide, row, width * wide, height,
+                              format.format, format.type, atlas->texels);
+        if (!atlas->storage.shaded) continue;
+        glBindTexture(GL_TEXTURE_2D, atlas->shading[texture]);
         pgm_atlas_shading(atlas, upload->terrain, upload->k, &piece);
-        gpu_texture_sub_image(upload->gpu, GL_TEXTURE_2D, -1, slot->x + x,
-                              slot->y + y + (int)(from - samples->y0), width, (int)(piece.y1 - piece.y0),
-                              GL_RGBA_INTEGER, GL_UNSIGNED_INT, atlas->texels);
+        gpu_texture_sub_image(upload->gpu, GL_TEXTURE_2D, -1, column, row, width, height, shading.format,
+                              shading.type, atlas->texels);
     }
     return true;
 }
@@ -327,51 +424,33 @@ void pgm_atlas_follow(struct pgm_atlas *atlas, struct gpu *gpu, const struct ter
     uint64_t budget = atlas->storage.budget_bytes / texel_bytes(atlas);
     for (int k = atlas->levels - 1; k >= 0; k--) {
         if (pgm_window_is_whole(&atlas->slots[k].window)) continue;
-        struct view_origin origin = view_level_origin(view, atlas->finest + k);
-        follow_level(atlas, gpu, terrain, k, origin.base, &budget);
+        struct pgm_place place = pgm_atlas_place(atlas, terrain, view, k);
+        follow_level(atlas, gpu, terrain, k, place.cell, &budget);
     }
 }
 
-static void take_texels_as_they_are(void)
+static void allocate(struct pgm_atlas *atlas, GLuint *textures, struct texel_format format, int texels,
+                     GLint filter)
 {
-    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
-    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
-    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, 0);
-}
-
-static void allocate_shading(struct pgm_atlas *atlas)
-{
-    glGenTextures(1, &atlas->shading);
-    glBindTexture(GL_TEXTURE_2D, atlas->shading);
-    glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA32UI, atlas->width, atlas->height, 0, GL_RGBA_INTEGER,
-                 GL_UNSIGNED_INT, NULL);
-    take_texels_as_they_are();
-}
-
-static void allocate(struct pgm_atlas *atlas)
-{
-    struct texel_format format = format_of(atlas);
-    int count = atlas->storage.many ? atlas->levels : 1;
-    glGenTextures(count, atlas->textures);
-    for (int i = 0; i < count; i++) {
+    glGenTextures(pgm_atlas_textures(atlas), textures);
+    for (int i = 0; i < pgm_atlas_textures(atlas); i++) {
         const struct pgm_window *window = &atlas->slots[i].window;
         int width = atlas->storage.many ? window->width : atlas->width;
         int height = atlas->storage.many ? window->height : atlas->height;
-        glBindTexture(GL_TEXTURE_2D, atlas->textures[i]);
-        glTexImage2D(GL_TEXTURE_2D, 0, (GLint)format.internal, width * texels_a_sample(atlas), height, 0,
-                     format.format, format.type, NULL);
-        take_texels_as_they_are();
-        if (atlas->storage.fetch != PGM_FETCH_LINEAR) continue;
-        glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
-        glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+        glBindTexture(GL_TEXTURE_2D, textures[i]);
+        glTexImage2D(GL_TEXTURE_2D, 0, (GLint)format.internal, width * texels, height, 0, format.format,
+                     format.type, NULL);
+        glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, filter);
+        glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, filter);
+        glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, 0);
     }
-    if (atlas->storage.shaded) allocate_shading(atlas);
 }
 
 // The levels that the hardware makes of the finest one.
-static void let_the_hardware_filter(struct pgm_atlas *atlas)
+static void let_the_hardware_filter(GLuint texture)
 {
-    glBindTexture(GL_TEXTURE_2D, atlas->textures[0]);
+    if (!texture) return;
+    glBindTexture(GL_TEXTURE_2D, texture);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, 1000);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_LINEAR);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
@@ -396,24 +475,28 @@ bool pgm_atlas_init(struct pgm_atlas *atlas, struct gpu *gpu, const struct terra
 {
     if (!pgm_atlas_layout(atlas, terrain, storage)) return false;
     if (!make_room(atlas)) return fail("pgm: out of memory for a piece of heights");
-    allocate(atlas);
-    bool mipmap = storage->fetch == PGM_FETCH_MIPMAP;
-    for (int k = 0; k < (mipmap ? 1 : atlas->levels); k++) {
+    allocate(atlas, atlas->textures, format_of(atlas), texels_a_sample(atlas),
+             storage->fetch == PGM_FETCH_LINEAR ? GL_LINEAR : GL_NEAREST);
+    if (storage->shaded) allocate(atlas, atlas->shading, words_format(atlas, true), 1, GL_NEAREST);
+    for (int k = 0; k < (is_mipmapped(atlas) ? 1 : atlas->levels); k++) {
         uint64_t all = UINT64_MAX;
         const struct pgm_window *window = &atlas->slots[k].window;
         const int64_t anywhere[2] = {window->extent.x0, window->extent.y0};
         if (pgm_window_is_whole(window)) follow_level(atlas, gpu, terrain, k, anywhere, &all);
     }
-    if (mipmap) let_the_hardware_filter(atlas);
+    if (is_mipmapped(atlas)) {
+        let_the_hardware_filter(atlas->textures[0]);
+        let_the_hardware_filter(atlas->shading[0]);
+    }
     return true;
 }
 
 void pgm_atlas_finish(struct pgm_atlas *atlas)
 {
-    if (atlas->shading) glDeleteTextures(1, &atlas->shading);
-    atlas->shading = 0;
-    if (atlas->textures[0]) glDeleteTextures(atlas->storage.many ? atlas->levels : 1, atlas->textures);
+    if (atlas->textures[0]) glDeleteTextures(pgm_atlas_textures(atlas), atlas->textures);
+    if (atlas->shading[0]) glDeleteTextures(pgm_atlas_textures(atlas), atlas->shading);
     memset(atlas->textures, 0, sizeof atlas->textures);
+    memset(atlas->shading, 0, sizeof atlas->shading);
     free(atlas->heights);
     free(atlas->parents);
     free(atlas->texels);

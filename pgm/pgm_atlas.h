@@ -1,17 +1,19 @@
-// Heights of all levels on the GPU: in one texture, each level's tile in a slot of its own, so that one draw
-// may read any level.  Livny et al. 2008, sections 4 and 5.  Terrain that does not fit is held as nested
-// tiles about the viewer (pgm_windows.h). SPDX-License-Identifier: MIT
+// Heights, or colours, of all levels on the GPU: in one texture, each level's tile in a slot of its own, so
+// that one draw may read any level.  Livny et al. 2008, sections 4 and 5.  What does not fit is held as
+// nested tiles about the viewer (pgm_windows.h). SPDX-License-Identifier: MIT
 #ifndef PGM_PGM_ATLAS_H
 #define PGM_PGM_ATLAS_H
 
 #include "common/gl/gpu.h"
+#include "pgm/pgm_picture.h"
 #include "pgm/pgm_sampler.h"
 #include "pgm/pgm_windows.h"
 
 #include <stdbool.h>
 #include <stddef.h>
 
-// What a texel holds.
+// What a texel of heights holds.  Of colours and of shading it is always the words of a cell's four corners,
+// but for MIPMAP: then it is the sample's own, and the hardware filters.
 enum pgm_fetch {
     PGM_FETCH_PLAIN,  // a height, 16 or 32 bits: one fetch for each corner that a filter reads, up to eight
     PGM_FETCH_PACKED, // the four corners of a cell and of its parent's: one fetch for the whole footprint
@@ -22,14 +24,15 @@ enum pgm_fetch {
 
 struct pgm_storage { // what a user chooses
     enum pgm_fetch fetch;
-    bool shaded;         // a second texture, laid out alike, holds a word of shading for each sample
-    bool many;           // a texture for each level, chosen by branching, instead of one atlas
-    size_t memory_bytes; // that tiles may take; 0: no limit
-    size_t budget_bytes; // uploaded a frame, at least
-    int most_texels;     // a side of a texture
+    bool shaded;                       // more textures, laid out alike, hold shading
+    bool many;                         // a texture for each level, chosen by branching, instead of one atlas
+    const struct pgm_picture *picture; // colours of this instead of heights; borrowed; NULL: heights
+    size_t memory_bytes;               // that tiles may take; 0: no limit
+    size_t budget_bytes;               // uploaded a frame, at least
+    int most_texels;                   // a side of a texture
 };
 
-enum { PGM_TEXTURES_MAX = 16 }; // that a vertex program may bind everywhere
+enum { PGM_TEXTURES_MAX = 16 }; // that a vertex program, and a fragment program, may bind everywhere
 
 struct pgm_slot {
     struct pgm_window window;
@@ -39,7 +42,7 @@ struct pgm_slot {
 struct pgm_atlas {
     struct pgm_storage storage;
     GLuint textures[PGM_TEXTURES_MAX]; // one, or one a level
-    GLuint shading;                    // 0: none
+    GLuint shading[PGM_TEXTURES_MAX];  // likewise; 0: none
     int width, height;                 // texels of the one texture
     int finest;                        // level of slot 0; slot k holds level finest + k
     int levels;
@@ -66,15 +69,29 @@ void pgm_atlas_finish(struct pgm_atlas *atlas); // accepts a zeroed struct
 void pgm_atlas_follow(struct pgm_atlas *atlas, struct gpu *gpu, const struct terrain *terrain,
                       const struct view *view);
 
+// Where slot k's samples lie: the cell that a viewer is in, in samples, the viewer's place in it, and metres
+// from sample to sample, x and y.
+struct pgm_place {
+    int64_t cell[2];
+    float fraction[2];
+    double spacing_m[2];
+};
+struct pgm_place pgm_atlas_place(const struct pgm_atlas *atlas, const struct terrain *terrain,
+                                 const struct view *view, int k);
+
+int pgm_atlas_textures(const struct pgm_atlas *atlas);  // how many; as many again for shading
 bool pgm_atlas_is_whole(const struct pgm_atlas *atlas); // every level is
 size_t pgm_atlas_bytes(const struct pgm_atlas *atlas);
+// All samples of all levels, as this storage would hold them whole.  PURE.
+size_t pgm_atlas_whole_bytes(const struct terrain *terrain, const struct pgm_storage *storage);
 
-// The texels of a box of samples of slot k as they are uploaded, row by row northwards.  PURE.
+// The texels of a box of samples of slot k as they are uploaded, row by row northwards, into atlas->texels.
+// PURE.
 void pgm_atlas_texels(const struct pgm_atlas *atlas, const struct terrain *terrain, int k,
                       const struct terrain_extent *box);
 
-// The texels of shading of a box of samples, likewise: four words of a cell, each the x and y of a unit
-// normal as two signed 16-bit shares of 1, by central differences in the level.  PURE.
+// The texels of shading of a box of samples, likewise: words, each the x and y of a unit normal as two signed
+// 16-bit shares of 1, by central differences in the level.  PURE.
 void pgm_atlas_shading(const struct pgm_atlas *atlas, const struct terrain *terrain, int k,
                        const struct terrain_extent *box);
 

@@ -75,6 +75,8 @@ enum render_pass {
 // renderers, but for shading `own`: then SHADING_OWN is defined in the shaded pass, and the file beside the
 // vertex file with the ending .frag defines
 //     vec3 surface_normal();               unit normal at this fragment; called before any discard
+// and, where the renderer's own defines say OWN_COLOUR, in place of the scene's colour image
+//     vec3 ground_colour();
 // A renderer without such a file has no shading of its own, and says so in one line.
 //
 // Fragments outside the map's outline are discarded, which costs each of them a test and the hardware its
