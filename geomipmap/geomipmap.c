@@ -35,8 +35,11 @@ static const struct renderer_knob knobs[] = {
      "9|17|33|65"},
     {"merge", "how often 2 x 2 distant tiles may merge into one of twice the size, at most up to 129 samples",
      3, 0, 4, NULL},
-    {"metric", "how error is projected: by distance, by depth, or so that it holds anywhere in the window",
-     GEOMIPMAP_SAFE, 0, 2, "paper|depth|safe"},
+    {"metric",
+     "how error is projected: by distance, by depth, or so that it holds anywhere in the window; or the "
+     "least "
+     "mean error for the triangles, which claims nothing",
+     GEOMIPMAP_SAFE, 0, 3, "paper|depth|safe|mean"},
     {"delta", "error of a tile: as published, or with the borders that finer neighbours ask for",
      GEOMIPMAP_STABLE, 0, 1, "published|stable"},
     {"borders",
@@ -463,7 +466,7 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
     size_t own = tile_bytes(g);
     *stats = (struct renderer_stats){
         .triangles = g->view_count > 0 ? g->views[0].triangles : 0,
-        .claimed_error_px = g->choice.tau_px,
+        .claimed_error_px = g->choice.metric == GEOMIPMAP_MEAN ? (double)NAN : g->choice.tau_px,
         .resident_bytes =
             buffer_bytes(g) + g->shading.light.resident_bytes + g->shading.colour.resident_bytes,
         .counters = {{"tiles", g->view_count > 0 ? g->views[0].drawn : 0},
@@ -596,11 +599,12 @@ static bool init(struct geomipmap *g, const struct renderer_desc *desc)
     g->front_only = desc->knobs[KNOB_FACES] != 0;
     g->own_shading = desc->effects->shading == SCENE_SHADING_OWN;
     g->blend = (int)desc->knobs[KNOB_BLEND];
+    enum geomipmap_delta delta = (enum geomipmap_delta)desc->knobs[KNOB_DELTA];
+    if (g->choice.metric == GEOMIPMAP_MEAN) delta = GEOMIPMAP_SAVING;
     int merge = (int)desc->knobs[KNOB_MERGE], most = GEOMIPMAP_MAX_EXTENT - bits;
     if (g->choice.borders == GEOMIPMAP_REMOVE) merge = 0;
     if (!geomipmap_mesh_init(&g->mesh, bits, g->choice.borders, desc->knobs[KNOB_INDICES] != 0) ||
-        !geomipmap_tiles_init(&g->tiles, desc->terrain, bits, merge < most ? merge : most,
-                              (enum geomipmap_delta)desc->knobs[KNOB_DELTA], 0))
+        !geomipmap_tiles_init(&g->tiles, desc->terrain, bits, merge < most ? merge : most, delta, 0))
         return false;
     g->tile_vertices = ((1 << bits) + 1) * ((1 << bits) + 1);
     g->vertex_bytes = g->tiles.wide ? sizeof(int32_t) : sizeof(uint16_t);

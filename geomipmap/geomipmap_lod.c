@@ -236,10 +236,50 @@ static float round_up(double value)
     return (double)rounded < value ? nextafterf(rounded, FLT_MAX) : rounded;
 }
 
+// Mean distance of both surfaces over the samples of each tile, where every 2^shift-th sample is drawn.
+static void mean_distance(const struct geomipmap_plan *plan, int shift, const double *heights,
+                          double mean[GEOMIPMAP_LANES])
+{
+    int side = 1 << (plan->bits + plan->height), row = side + 1, step = 1 << shift;
+    double sum[GEOMIPMAP_LANES] = {0};
+    for (int j = 0; j < side; j++)
+        for (int i = 0; i < side; i++) {
+            int u = i & (step - 1), v = j & (step - 1), least = u < v ? u : v;
+            const double *h = heights + (j * row + i) * GEOMIPMAP_LANES;
+            const double *sw = h - (v * row + u) * GEOMIPMAP_LANES;
+            const double *ne = sw + step * (row + 1) * GEOMIPMAP_LANES;
+            const double *third = sw + step * (u > v ? 1 : row) * GEOMIPMAP_LANES;
+            double w_ne = (double)least / step, w_third = (double)abs(u - v) / step,
+                   w_sw = 1 - w_ne - w_third;
+            for (int lane = 0; lane < GEOMIPMAP_LANES; lane++)
+                sum[lane] += fabs(w_sw * sw[lane] + w_ne * ne[lane] + w_third * third[lane] - h[lane]);
+        }
+    for (int lane = 0; lane < GEOMIPMAP_LANES; lane++) mean[lane] = sum[lane] / ((double)side * side);
+}
+
+static void measure_savings(const struct geomipmap_plan *plan, const double *heights,
+                            float saving[GEOMIPMAP_LANES][GEOMIPMAP_MAX_LEVELS])
+{
+    double finer[GEOMIPMAP_LANES] = {0}, mean[GEOMIPMAP_LANES];
+    if (plan->height > 0) mean_distance(plan, plan->height - 1, heights, finer);
+    for (int level = 0; level < plan->bits; level++) {
+        int shift = plan->height + level;
+        mean_distance(plan, shift, heights, mean);
+        for (int lane = 0; lane < GEOMIPMAP_LANES; lane++) {
+            saving[lane][level] = (float)ldexp(mean[lane] - finer[lane], 2 * shift);
+            finer[lane] = mean[lane];
+        }
+    }
+}
+
 void geomipmap_plan_measure(const struct geomipmap_plan *plan, enum geomipmap_delta delta,
                             const double *heights, const double range[GEOMIPMAP_LANES],
                             float error[GEOMIPMAP_LANES][GEOMIPMAP_MAX_LEVELS])
 {
+    if (delta == GEOMIPMAP_SAVING) {
+        measure_savings(plan, heights, error);
+        return;
+    }
     for (int level = 0; level < plan->bits; level++) {
         double largest[GEOMIPMAP_LANES] = {0};
         size_t next = level + 1 < plan->bits ? plan->plain[level + 1] : plan->count;
@@ -258,7 +298,7 @@ void geomipmap_plan_measure(const struct geomipmap_plan *plan, enum geomipmap_de
 // + T^2)).  If p is the end that is seen, t lies in the window, over which the factor is largest at a
 // corner, and w_q >= w_p - d |v_w|.
 void geomipmap_judge_init(struct geomipmap_judge *judge, enum geomipmap_metric metric, double tau_px,
-                          const struct view *view)
+                          const struct view *view, double spacing_m)
 {
     double vertical[3] = {view->right[2], view->up[2], view->forward[2]}, most = 0;
     for (int corner = 0; corner < 4; corner++) {
@@ -271,6 +311,7 @@ void geomipmap_judge_init(struct geomipmap_judge *judge, enum geomipmap_metric m
         .metric = metric,
         .tau_px = tau_px,
         .pixels_per_tangent = view->pixels_per_tangent,
+        .spacing_m = spacing_m,
         .near_m = view->near_m,
         .vertical_px = view->pixels_per_tangent * (safe ? most : 1),
         .vertical_sink = safe ? fabs(vertical[2]) : 0,
@@ -279,6 +320,10 @@ void geomipmap_judge_init(struct geomipmap_judge *judge, enum geomipmap_metric m
 
 double geomipmap_allowed(const struct geomipmap_judge *judge, double depth_m, double distance_m)
 {
+    if (judge->metric == GEOMIPMAP_MEAN) {
+        double metres_px = depth_m / judge->pixels_per_tangent, samples_px = metres_px / judge->spacing_m;
+        return pow(judge->tau_px, 3) * metres_px * pow(samples_px, 2.5);
+    }
     if (judge->metric == GEOMIPMAP_PAPER) return judge->tau_px * distance_m / judge->pixels_per_tangent;
     // Solved for d:  vertical_px d <= tau max(near, depth - sink d); what is nearer than near is clipped to
     // it.

@@ -13,6 +13,19 @@
 // Both surfaces are linear between the points where an edge of one meets an edge of the other, so the
 // largest distance stands at one of those points.  Which points these are depends on the tile's size alone:
 // they are listed once, as weights of four vertices, and each tile only sums them up.
+//
+// The metric `mean` asks another question: which levels give the least mean error for a number of triangles?
+// A tile with the area A on the ground whose step is s draws 2 A / s^2 triangles.  At depth w it covers about
+// K^2 A f / w^2 pixels, f its foreshortening, and an error of e(s) metres, the mean distance of both
+// surfaces, shows as K e / w pixels.  So with a multiplier m the sum over all tiles of
+//     K^3 A f e(s) / w^3  +  m 2 A / s^2
+// is to be least.  The area falls out.  Halving the step from s adds 6 A / s^2 triangles and is worth them
+// where  s^2 (e(s) - e(s / 2)) > 6 m w^3 / (K^3 f).  That is what is compared here: each tile and level keeps
+// its saving s^2 (e(s) - e(s / 2)), and the right side grows with a power of depth.  f is 1 where the ground
+// faces the eye and height / w where it is flat, so the power is 3 to 4; 3.5 is used, with the depth where a
+// sample is a pixel wide as its unit.  In pixels, with S the step on the screen:
+//     saving_px S^2 <= tau^3 (w / (K spacing))^0.5
+// Levels are chosen by what they cost alone: no error is promised anywhere.
 // SPDX-License-Identifier: MIT
 #ifndef GEOMIPMAP_GEOMIPMAP_LOD_H
 #define GEOMIPMAP_GEOMIPMAP_LOD_H
@@ -24,7 +37,11 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum geomipmap_delta { GEOMIPMAP_PUBLISHED, GEOMIPMAP_STABLE };
+enum geomipmap_delta {
+    GEOMIPMAP_PUBLISHED,
+    GEOMIPMAP_STABLE,
+    GEOMIPMAP_SAVING, // of the metric `mean`, with the step in samples of the finest level
+};
 
 // Distance between the two surfaces at one point: |sum of weight x height|.
 struct geomipmap_probe {
@@ -53,6 +70,7 @@ enum { GEOMIPMAP_LANES = 8 };
 
 // Error of each lane's tile at each level, in quanta, rounded up; exactly 0 where the surfaces are the same
 // because the tile is flat or draws every sample.  range[lane]: height of the tile's highest sample.
+// GEOMIPMAP_SAVING: the saving of each level instead, in quanta times samples squared, not rounded.
 void geomipmap_plan_measure(const struct geomipmap_plan *plan, enum geomipmap_delta delta,
                             const double *heights, const double range[GEOMIPMAP_LANES],
                             float error[GEOMIPMAP_LANES][GEOMIPMAP_MAX_LEVELS]);
@@ -63,6 +81,7 @@ enum geomipmap_metric {
     GEOMIPMAP_PAPER, // K d / D, D the Euclidean distance to the tile's box: too small off the axis
     GEOMIPMAP_DEPTH, // K d / w, w the least depth of the tile's visible part
     GEOMIPMAP_SAFE,  // holds for every vertical segment of length d that has a visible end in the tile
+    GEOMIPMAP_MEAN,  // the least mean error for a number of triangles; of savings, not of errors
 };
 
 // What of a view the metric needs; the same for all tiles.
@@ -70,15 +89,17 @@ struct geomipmap_judge {
     enum geomipmap_metric metric;
     double tau_px;
     double pixels_per_tangent;
+    double spacing_m; // mean: of the finest level
     double near_m;
     double vertical_px;   // safe: most pixels that a vertical metre takes at depth 1, over the window
     double vertical_sink; // safe: depth that a vertical metre can lose
 };
 void geomipmap_judge_init(struct geomipmap_judge *judge, enum geomipmap_metric metric, double tau_px,
-                          const struct view *view);
+                          const struct view *view, double spacing_m);
 
 // Largest vertical error in metres that keeps the metric within tau, for a tile whose visible part is at
-// least `depth_m` deep and whose box is `distance_m` from the eye.
+// least `depth_m` deep and whose box is `distance_m` from the eye.  Of `mean`: largest saving, in metres
+// times samples squared, that is not worth its triangles.
 double geomipmap_allowed(const struct geomipmap_judge *judge, double depth_m, double distance_m);
 
 // The coarsest of `levels` levels whose error is at most `allowed`, both in the same unit; 0 when none is.

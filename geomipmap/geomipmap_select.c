@@ -169,10 +169,13 @@ static struct grade choose_grade(const struct scan *scan, struct geomipmap_place
     const double *forward = scan->view->forward;
     double depth = box_depth(box, forward, 1), rect[4], seen_depth;
     if (scan->judge.metric == GEOMIPMAP_PAPER) return grade_at_depth(scan, &asked, depth, box_distance(box));
+    double farthest = box_depth(box, forward, -1);
+    if (scan->judge.metric == GEOMIPMAP_MEAN)
+        return grade_at_depth(scan, &asked, sqrt(fmax(depth, scan->view->near_m) * fmax(farthest, 0)), 0);
     struct grade grade = grade_at_depth(scan, &asked, depth, 0);
     // Only part of the box is seen, and that part may begin farther away (numerics.md, C2).  Clipping is
     // worth its time only where a greater depth could help.
-    struct grade far = grade_at_depth(scan, &asked, box_depth(box, forward, -1), 0);
+    struct grade far = grade_at_depth(scan, &asked, farthest, 0);
     if (whole || (grade.level == far.level && grade.morph == far.morph)) return grade;
     if (!frustum_clip_box(scan->view, box->low, box->high, rect, &seen_depth))
         return (struct grade){scan->tiles->levels - 1, 0, 0};
@@ -475,7 +478,8 @@ bool geomipmap_select(struct geomipmap_selection *selection, const struct geomip
     struct view_origin eye = view_level_origin(view, tiles->finest);
     const int64_t first[2] = {tiles->x0, tiles->y0};
     frustum_init(&scan.frustum, view);
-    geomipmap_judge_init(&scan.judge, choice->metric, choice->tau_px, view);
+    geomipmap_judge_init(&scan.judge, choice->metric, choice->tau_px, view,
+                         sqrt(tiles->spacing_m[0] * tiles->spacing_m[1]));
     for (int axis = 0; axis < 2; axis++) {
         scan.tile_m[axis] = tiles->spacing_m[axis] * (1 << tiles->bits);
         // Cells first: the difference of two large integers is exact.

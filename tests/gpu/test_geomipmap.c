@@ -214,7 +214,8 @@ static void mesh_is_watertight_and_made_of_samples(void **state)
                                            "tau=2 cull=off patch=33",
                                            "tau=4 cull=off patch=65",
                                            "tau=1 cull=off borders=regions",
-                                           "tau=4 cull=off indices=strips"};
+                                           "tau=4 cull=off indices=strips",
+                                           "tau=2 cull=off metric=mean patch=9 merge=4"};
     struct terrain *terrain = test_fractal(&hills, 1);
     uint64_t seed = 2;
     size_t triangles = 0;
@@ -227,6 +228,7 @@ static void mesh_is_watertight_and_made_of_samples(void **state)
             struct renderer_stats stats;
             geomipmap_renderer.stats(renderer, &stats);
             assert_int_equal(mesh.count, stats.triangles);
+            assert_true(isnan(stats.claimed_error_px) == (strstr(settings[s], "mean") != NULL));
             assert_int_equal(open_edges(terrain, &view, &mesh), 0);
             check_vertices(terrain, &view, &mesh);
             triangles += mesh.count;

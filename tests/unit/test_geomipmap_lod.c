@@ -168,6 +168,69 @@ static void stable_error_holds_for_every_border(void **state)
     }
 }
 
+// ---- the metric `mean` --------------------------------------------------------------------------
+
+// Mean distance over the samples of a patch where every step-th is drawn, cell by cell.
+static double mean_error(const int32_t *heights, int side, int step)
+{
+    double sum = 0;
+    for (int j = 0; j < side; j++)
+        for (int i = 0; i < side; i++) {
+            const int32_t *z = heights + j / step * step * (side + 1) + i / step * step;
+            double u = (double)(i % step) / step, v = (double)(j % step) / step;
+            double east = z[step], north = z[step * (side + 1)], far = z[step * (side + 2)];
+            double drawn = u >= v ? z[0] + u * (east - z[0]) + v * (far - east)
+                                  : z[0] + v * (north - z[0]) + u * (far - north);
+            sum += fabs(drawn - heights[j * (side + 1) + i]);
+        }
+    return sum / (side * side);
+}
+
+// The level that is chosen costs least, error and triangles at the price that was set, among all levels,
+// wherever ever coarser levels save ever less.
+static void savings_choose_the_cheapest_level(void **state)
+{
+    (void)state;
+    uint64_t seed = 14;
+    int chosen[GEOMIPMAP_MAX_LEVELS] = {0}, judged = 0;
+    static const int sizes[][2] = {{4, 0}, {3, 1}, {3, 2}}; // bits, height
+    for (int size = 0; size < 3; size++) {
+        int bits = sizes[size][0], height = sizes[size][1], side = 1 << (bits + height);
+        struct geomipmap_plan plan;
+        assert_true(geomipmap_plan_init(&plan, bits, height));
+        for (int patch = 0; patch < test_size(100, 2000); patch++) {
+            int32_t heights[MAX_ROW * MAX_ROW];
+            float saving[GEOMIPMAP_MAX_LEVELS];
+            double error[GEOMIPMAP_MAX_LEVELS];
+            make_fractal(bits + height, test_uniform(&seed, 0.4, 0.7), &seed, heights);
+            measure(&plan, GEOMIPMAP_SAVING, heights, patch % GEOMIPMAP_LANES, saving);
+            bool convex = true;
+            for (int l = 0; l < bits; l++) {
+                int step = 1 << (height + l);
+                error[l] = mean_error(heights, side, step);
+                double finer = step > 1 ? mean_error(heights, side, step / 2) : 0;
+                double expected = (error[l] - finer) * step * step;
+                assert_true(fabs((double)saving[l] - expected) <= 1e-6 * (fabs(expected) + error[l]));
+                convex = convex && (l == 0 || saving[l] > saving[l - 1]);
+            }
+            if (!convex) continue;
+            double allowed = (double)saving[patch % bits] * test_uniform(&seed, 0.5, 2);
+            int level = geomipmap_choose(saving, bits, allowed, bits, allowed);
+            for (int l = 0; l < bits; l++) {
+                double triangles[2] = {ldexp(1, -2 * (height + l)), ldexp(1, -2 * (height + level))};
+                double costs[2] = {error[l] + allowed / 3 * triangles[0],
+                                   error[level] + allowed / 3 * triangles[1]};
+                assert_true(costs[1] <= costs[0] * (1 + 1e-6));
+            }
+            chosen[level]++, judged++;
+        }
+        geomipmap_plan_finish(&plan);
+    }
+    FIGURE("%d tiles: level 0 chosen %d times, 1 %d times, 2 %d times, 3 %d times, each the cheapest", judged,
+           chosen[0], chosen[1], chosen[2], chosen[3]);
+    for (int l = 0; l < 4; l++) assert_true(chosen[l] > 0);
+}
+
 // A needle of height H: the error is H at every level that skips it (E4).
 static void needle_costs_its_height(void **state)
 {
@@ -232,7 +295,7 @@ static int count_broken(enum geomipmap_metric metric, const struct view *view, d
                         uint64_t *seed, double *worst)
 {
     struct geomipmap_judge judge;
-    geomipmap_judge_init(&judge, metric, tau, view);
+    geomipmap_judge_init(&judge, metric, tau, view, 1);
     int broken = 0;
     for (int i = 0; i < count; i++) {
         double depth = view->near_m * exp(test_uniform(seed, 0, 8)), seen[3], length;
@@ -286,7 +349,7 @@ static void safe_metric_is_at_least_as_tight_as_c1(void **state)
         struct view view = make_view(test_uniform(&seed, -4, 4), test_uniform(&seed, -1.5, 1.5),
                                      test_uniform(&seed, -4, 4), test_uniform(&seed, 0.1, 2.8), 640, 480);
         struct geomipmap_judge judge;
-        geomipmap_judge_init(&judge, GEOMIPMAP_SAFE, 1, &view);
+        geomipmap_judge_init(&judge, GEOMIPMAP_SAFE, 1, &view, 1);
         double t2 = view.tan_half[0] * view.tan_half[0] + view.tan_half[1] * view.tan_half[1];
         assert_true(judge.vertical_px <= view.pixels_per_tangent * sqrt(1 + t2) * (1 + 1e-12));
     }
@@ -363,6 +426,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(stable_error_holds_for_every_border),
+        cmocka_unit_test(savings_choose_the_cheapest_level),
         cmocka_unit_test(needle_costs_its_height),
         cmocka_unit_test(flat_and_level_zero_have_no_error),
         cmocka_unit_test(safe_metric_holds_anywhere_in_the_window),
