@@ -93,8 +93,9 @@ static bool add_spec(struct run *run, char *spec)
 bool plan_settings(struct run *run)
 {
     char specs[1024];
-    if (run->options.renderers) {
-        snprintf(specs, sizeof specs, "%s", run->options.renderers);
+    if (run->options.renderers || *run->scene->renderers) {
+        snprintf(specs, sizeof specs, "%s",
+                 run->options.renderers ? run->options.renderers : run->scene->renderers);
     } else {
         specs[0] = 0;
         for (int i = 0; renderer_table[i]; i++)

@@ -409,6 +409,19 @@ static bool load_colour(struct scene *scene, const char *file, const char *name)
     return true;
 }
 
+// What the words mean is for those to say who know the renderers.
+static bool read_renderers(struct scene *scene, const char *file, const cJSON *json)
+{
+    struct place at = {file, "the scene"};
+    const char *words = "";
+    if (!read_text_value(at, json, "renderers", NULL, &words)) return false;
+    if (strlen(words) >= sizeof scene->renderers)
+        return fail("%s: \"renderers\" has %zu characters; accepted are %zu", file, strlen(words),
+                    sizeof scene->renderers - 1);
+    memcpy(scene->renderers, words, strlen(words) + 1);
+    return true;
+}
+
 // A colour image suits the scene's own terrain: it is left out when another is flown.
 static bool read_effects(struct scene *scene, const char *file, const cJSON *json, bool own_terrain)
 {
@@ -425,9 +438,10 @@ static bool read_effects(struct scene *scene, const char *file, const cJSON *jso
 static bool build(struct scene *scene, const char *file, const cJSON *json, const char *terrain_file)
 {
     struct place at = {file, "the scene"};
-    if (!check_object(at, json, "name|terrain|path|view|effects") ||
+    if (!check_object(at, json, "name|terrain|path|view|renderers|effects") ||
         !read_name(scene, file, cJSON_GetObjectItemCaseSensitive(json, "name")) ||
         !read_view(scene, file, cJSON_GetObjectItemCaseSensitive(json, "view")) ||
+        !read_renderers(scene, file, json) ||
         !read_effects(scene, file, cJSON_GetObjectItemCaseSensitive(json, "effects"), !terrain_file))
         return false;
     if (!terrain_file)

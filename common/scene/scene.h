@@ -13,6 +13,9 @@
 //                "clearance": m, "frames": 96 }
 //            | { "poses": "file.txt", "every": 5, "pitch": -12 }     rows of u v z yaw (see scene.c)
 //     "view":  { "width": 640, "height": 480, "fov_vertical": 60, "near": m (optional) },
+//     "renderers": "brute,pgm:law=target"       which renderers at which settings `bench run` flies when not
+//     told
+//                                               otherwise, in the words of its --renderers; missing: all
 //     "effects": { "shading": "common"          the same for all renderers: normals of the drawn triangles
 //                           | "own",            the renderer's own normals
 //                  "colour": "x.png" } }        a PNG draped over the map from edge to edge, north at its
@@ -55,6 +58,7 @@ struct scene {
     double fov_vertical;     // radians
     double near_m;           // 0: by height over ground
     struct scene_effects effects;
+    char renderers[512]; // empty: all
 };
 
 // The effects with shading `common`, for baselines, which have none of their own.
