@@ -83,29 +83,48 @@ static double ground_under(const struct terrain *terrain, const double place[3])
     return info->offset_m + info->quantum_m * q;
 }
 
+// Moves the camera by a step along east, north and up.  On a sphere these turn on the way: where the camera
+// looks is kept, and told by the axes where it arrives.
+static void step_over(const struct terrain *terrain, struct camera *c, const double step[3])
+{
+    double world[3], from[3][3], to[3][3], ahead[3] = {cos(c->yaw), sin(c->yaw), 0}, place[3];
+    terrain_axes(terrain, c->eye_m, from);
+    terrain_world_from_place(terrain, c->eye_m, world);
+    for (int k = 0; k < 3; k++)
+        world[k] += step[0] * from[0][k] + step[1] * from[1][k] + step[2] * from[2][k];
+    terrain_place_from_world(terrain, world, place);
+    terrain_axes(terrain, place, to);
+    double east = 0, north = 0;
+    for (int k = 0; k < 3; k++) {
+        double looks = ahead[0] * from[0][k] + ahead[1] * from[1][k];
+        east += looks * to[0][k];
+        north += looks * to[1][k];
+    }
+    c->yaw += remainder(atan2(north, east) - c->yaw, 2 * M_PI);
+    for (int k = 0; k < 3; k++) c->eye_m[k] = place[k];
+}
+
 // Speed follows the height over ground, and the eye never sinks below a man's height over it.
 static void move_by_hand(struct flight *f, double seconds)
 {
     static const double lowest_m = 2;
     struct camera *c = &f->camera;
     const struct terrain *terrain = f->viewer->scene->terrain;
-    double place[3], ahead = axis(f->window, GLFW_KEY_S, GLFW_KEY_W);
+    double ahead = axis(f->window, GLFW_KEY_S, GLFW_KEY_W);
     double aside = axis(f->window, GLFW_KEY_A, GLFW_KEY_D), rise = axis(f->window, GLFW_KEY_Q, GLFW_KEY_E);
     double left = axis(f->window, GLFW_KEY_RIGHT, GLFW_KEY_LEFT);
     double upward = axis(f->window, GLFW_KEY_DOWN, GLFW_KEY_UP);
     if (ahead != 0 || aside != 0 || rise != 0 || left != 0 || upward != 0) f->on_path = false;
-    terrain_place_from_world(terrain, c->eye_m, place);
-    double metres = f->speed * fmax(20, place[2] - ground_under(terrain, place)) * seconds;
+    double metres = f->speed * fmax(20, c->eye_m[2] - ground_under(terrain, c->eye_m)) * seconds;
     bool shift = glfwGetKey(f->window, GLFW_KEY_LEFT_SHIFT) || glfwGetKey(f->window, GLFW_KEY_RIGHT_SHIFT);
     if (shift) metres *= 6;
     c->yaw += left * seconds;
     c->pitch = fmin(fmax(c->pitch + upward * seconds, -pitch_limit), pitch_limit);
-    c->eye_m[0] += metres * (ahead * cos(c->pitch) * cos(c->yaw) + aside * sin(c->yaw));
-    c->eye_m[1] += metres * (ahead * cos(c->pitch) * sin(c->yaw) - aside * cos(c->yaw));
-    c->eye_m[2] += metres * (ahead * sin(c->pitch) + rise);
-    terrain_place_from_world(terrain, c->eye_m, place);
-    place[2] = fmax(place[2], ground_under(terrain, place) + lowest_m);
-    terrain_world_from_place(terrain, place, c->eye_m);
+    double step[3] = {metres * (ahead * cos(c->pitch) * cos(c->yaw) + aside * sin(c->yaw)),
+                      metres * (ahead * cos(c->pitch) * sin(c->yaw) - aside * cos(c->yaw)),
+                      metres * (ahead * sin(c->pitch) + rise)};
+    step_over(terrain, c, step);
+    c->eye_m[2] = fmax(c->eye_m[2], ground_under(terrain, c->eye_m) + lowest_m);
 }
 
 static void move(struct flight *f, double seconds)

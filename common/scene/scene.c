@@ -170,11 +170,12 @@ static cJSON *parse(const char *file, const char *text, size_t size)
 
 // ---- terrain ---------------------------------------------------------------
 
-static bool read_terrain_options(struct place at, const cJSON *json, struct terrain_options *options)
+static bool read_terrain_options(struct place at, const cJSON *json, int most_finer,
+                                 struct terrain_options *options)
 {
     const char *filter = "linear", *noise = "hash";
     double seed = 0;
-    if (!read_int(at, json, "synthesize_levels", 0, 8, &options->synthesize_levels) ||
+    if (!read_int(at, json, "synthesize_levels", 0, most_finer, &options->synthesize_levels) ||
         !read_number(at, json, "seed", 0, 0x1p53, &seed) ||
         !read_text_value(at, json, "filter", "linear|halfband|tent|decimate", &filter) ||
         !read_text_value(at, json, "noise", "hash|table", &noise))
@@ -200,7 +201,7 @@ static bool load_terrain(struct scene *scene, const char *file, const cJSON *jso
         if (!check_object(at, json, "file|builtin|synthesize_levels|seed|filter|noise") ||
             !read_text_value(at, json, "file", NULL, &name) ||
             !read_text_value(at, json, "builtin", "jacksboro", &builtin) ||
-            !read_terrain_options(at, json, &options))
+            !read_terrain_options(at, json, builtin ? 8 : 18, &options))
             return false;
         if (!name == !builtin) return fail("%s: terrain needs one of \"file\" and \"builtin\"", file);
     }
@@ -213,21 +214,48 @@ static bool load_terrain(struct scene *scene, const char *file, const cJSON *jso
 
 // ---- path ------------------------------------------------------------------
 
-static bool read_key(const char *file, const cJSON *json, int index, struct path_key *key)
+static bool has_keys(const char *file, const char *object, const cJSON *json, const char *const needed[3],
+                     const char *unit)
+{
+    for (int i = 0; i < 3; i++)
+        if (!cJSON_GetObjectItemCaseSensitive(json, needed[i]))
+            return fail("%s: \"%s\" of %s is missing; %s, %s and %s are needed, in %s", file, needed[i],
+                        object, needed[0], needed[1], needed[2], unit);
+    return true;
+}
+
+// Where a key frame is: x and y in metres, or longitude and latitude in degrees on a sphere.
+static bool read_key_place(struct place at, const cJSON *json, const struct terrain_info *info,
+                           struct path_key *key)
+{
+    static const char *const METRES[] = {"x", "y", "height"}, *const DEGREES[] = {"longitude", "latitude",
+                                                                                  "height"};
+    if (info->datum == TERRAIN_PLANE)
+        return has_keys(at.file, at.object, json, METRES, "metres") &&
+               read_number(at, json, "x", -1e12, 1e12, &key->x_m) &&
+               read_number(at, json, "y", -1e12, 1e12, &key->y_m);
+    double longitude = 0, latitude = 0;
+    if (!has_keys(at.file, at.object, json, DEGREES, "degrees and metres") ||
+        !read_number(at, json, "longitude", -3600, 3600, &longitude) ||
+        !read_number(at, json, "latitude", -90, 90, &latitude))
+        return false;
+    key->x_m = longitude * DEGREE * info->radius_m;
+    key->y_m = latitude * DEGREE * info->radius_m;
+    return true;
+}
+
+static bool read_key(const char *file, const cJSON *json, int index, const struct terrain_info *info,
+                     struct path_key *key)
 {
     char object[64];
     snprintf(object, sizeof object, "key frame %d of path", index);
     struct place at = {file, object};
     double yaw = 0, pitch = 0, roll = 0;
-    if (!check_object(at, json, "x|y|height|above_ground|yaw|pitch|roll")) return false;
-    const char *needed[] = {"x", "y", "height"};
-    for (int i = 0; i < 3; i++)
-        if (!cJSON_GetObjectItemCaseSensitive(json, needed[i]))
-            return fail("%s: \"%s\" of %s is missing; x, y and height are needed, in metres", file, needed[i],
-                        object);
-    if (!read_number(at, json, "x", -1e12, 1e12, &key->x_m) ||
-        !read_number(at, json, "y", -1e12, 1e12, &key->y_m) ||
-        !read_number(at, json, "height", -1e9, 1e9, &key->height_m) ||
+    bool sphere = info->datum == TERRAIN_SPHERE;
+    if (!check_object(at, json,
+                      sphere ? "longitude|latitude|height|above_ground|yaw|pitch|roll"
+                             : "x|y|height|above_ground|yaw|pitch|roll") ||
+        !read_key_place(at, json, info, key) || !read_number(at, json, "height", -1e9, 1e9, &key->height_m) ||
         !read_bool(at, json, "above_ground", &key->above_ground) ||
         !read_number(at, json, "yaw", -36000, 36000, &yaw) ||
         !read_number(at, json, "pitch", -90, 90, &pitch) ||
@@ -257,7 +285,7 @@ static bool load_keys(struct scene *scene, const char *file, const cJSON *json)
     bool good = true;
     int index = 0;
     for (const cJSON *key = list->child; key && good; key = key->next, index++)
-        good = read_key(file, key, index + 1, &keys[index]);
+        good = read_key(file, key, index + 1, terrain_info(scene->terrain), &keys[index]);
     if (good)
         scene->path = path_from_keys(scene->terrain, keys, count, frames, clearance_m, scene->fov_vertical);
     free(keys);
@@ -322,6 +350,11 @@ static bool load_poses(struct scene *scene, const char *file, const cJSON *json)
     double pitch = 0;
     int every = 1;
     char path[1024];
+    if (terrain_info(scene->terrain)->datum == TERRAIN_SPHERE)
+        return fail(
+            "%s: path is a file of poses, which are of a plane; accepted on a sphere are \"keys\" and "
+            "\"auto\"",
+            file);
     if (!check_object(at, json, "poses|every|pitch") || !read_text_value(at, json, "poses", NULL, &name) ||
         !read_int(at, json, "every", 1, FRAMES_MAX, &every) ||
         !read_number(at, json, "pitch", -90, 90, &pitch) || !find_file(file, "path", name, path))

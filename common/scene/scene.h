@@ -11,6 +11,7 @@
 //            | { "keys": [ { "x": m, "y": m, "height": m, "above_ground": true,
 //                            "yaw": deg, "pitch": deg, "roll": deg } ],
 //                "clearance": m, "frames": 96 }
+//                        on a sphere "longitude" and "latitude", in degrees, instead of x and y
 //            | { "poses": "file.txt", "every": 5, "pitch": -12 }     rows of u v z yaw (see scene.c)
 //     "view":  { "width": 640, "height": 480, "fov_vertical": 60, "near": m (optional) },
 //     "renderers": "brute,pgm:law=target"       which renderers at which settings `bench run` flies when not
@@ -23,9 +24,8 @@
 //                                               sought as the terrain is; missing: colour by height
 //
 // "name" and "terrain" are required; a missing "path" is "auto", a missing "view" 640 x 480 at 60 degrees.
-// A key frame needs x, y and height; above_ground is false and angles are 0 when missing, clearance 2 m,
-// frames 96.
-// SPDX-License-Identifier: MIT
+// synthesize_levels: at most 8, on a sphere 18.  A key frame needs x, y and height; above_ground is false and
+// angles are 0 when missing, clearance 2 m, frames 96. SPDX-License-Identifier: MIT
 #ifndef COMMON_SCENE_SCENE_H
 #define COMMON_SCENE_SCENE_H
 

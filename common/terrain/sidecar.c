@@ -35,6 +35,13 @@ static bool read_number(const cJSON *root, const char *path, const char *key, do
     return true;
 }
 
+// Of a key that other maps may use in another form, which is then none of ours.
+static double number_or_0(const cJSON *root, const char *key)
+{
+    const cJSON *item = cJSON_GetObjectItemCaseSensitive(root, key);
+    return cJSON_IsNumber(item) && isfinite(item->valuedouble) ? item->valuedouble : 0;
+}
+
 static bool read_count(const cJSON *root, const char *path, const char *key, int64_t *count)
 {
     double value = 0;
@@ -104,10 +111,10 @@ static bool read_keys(const cJSON *root, const char *path, struct sidecar *sidec
 {
     if (!cJSON_IsObject(root))
         return fail("%s: not JSON; an object with the key \"spacing_m\" is expected", path);
+    sidecar->radius_m = number_or_0(root, "radius_m");
+    sidecar->spacing_deg = number_or_0(root, "spacing_deg");
     if (!read_count(root, path, "width", &sidecar->width) ||
         !read_count(root, path, "height", &sidecar->height) ||
-        !read_number(root, path, "radius_m", &sidecar->radius_m) ||
-        !read_number(root, path, "spacing_deg", &sidecar->spacing_deg) ||
         !read_spacing(root, path, sidecar, sidecar->spacing_m) || !read_type(root, path, sidecar) ||
         !read_endian(root, path, &sidecar->big_endian) || !read_nodata(root, path, sidecar) ||
         !read_number(root, path, "height_scale", &sidecar->height_scale) ||

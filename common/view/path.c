@@ -2,6 +2,7 @@
 #include "common/view/path.h"
 
 #include "common/report.h"
+#include "common/view/path_sphere.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -14,6 +15,7 @@ struct path {
     struct camera *cameras;
     double *at; // distance from the start
     int count, frames;
+    struct path_sphere *sphere; // instead of the polyline
 };
 
 enum { AXES = 6, NODES_MIN = 2048, NODES_MAX = 1 << 18, LIFT_SHARE = 24 };
@@ -246,10 +248,23 @@ static void measure(struct path *path)
 
 // ---- the contract ----------------------------------------------------------
 
+static struct path *path_over_sphere(const struct terrain *terrain, const struct path_key *keys, int count,
+                                     int frames, double clearance_m, double fov_vertical)
+{
+    struct path *path = path_allocate(1, frames);
+    if (!path) return NULL;
+    path->sphere = path_sphere_from_keys(terrain, keys, count, clearance_m, fov_vertical);
+    if (path->sphere) return path;
+    path_destroy(path);
+    return NULL;
+}
+
 struct path *path_from_keys(const struct terrain *terrain, const struct path_key *keys, int count, int frames,
                             double clearance_m, double fov_vertical)
 {
     if (count < 1) return fail("path: no key frames; at least one is needed"), NULL;
+    if (terrain_info(terrain)->datum == TERRAIN_SPHERE)
+        return path_over_sphere(terrain, keys, count, frames, clearance_m, fov_vertical);
     struct knot *knots = calloc((size_t)count, sizeof *knots);
     if (!knots) return fail("path: out of memory"), NULL;
     count = knots_from_keys(terrain, keys, count, knots);
@@ -287,6 +302,7 @@ struct path *path_from_cameras(const struct camera *cameras, int count)
 void path_destroy(struct path *path)
 {
     if (!path) return;
+    path_sphere_destroy(path->sphere);
     free(path->cameras);
     free(path->at);
     free(path);
@@ -305,6 +321,7 @@ static double mix(double a, double b, double t)
 struct camera path_camera(const struct path *path, int frame, int frames)
 {
     int last = path->count - 1, low = 0, high = last;
+    if (path->sphere) return path_sphere_camera(path->sphere, frame, frames);
     if (frames < 2 || frame <= 0 || last == 0) return path->cameras[0];
     if (frame >= frames - 1) return path->cameras[last];
     double at = path->at[last] * frame / (frames - 1);

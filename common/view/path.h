@@ -10,7 +10,9 @@
 
 struct path;
 
-// A key frame.  `height_m` is above the ground at (x, y) when above_ground, else above the datum.
+// A key frame.  On a sphere x_m and y_m are longitude and latitude in metres of arc, and what is said of the
+// spline below is said in path_sphere.h.  `height_m` is above the ground at (x, y) when above_ground, else
+// above the datum.
 struct path_key {
     double x_m, y_m, height_m;
     bool above_ground;
@@ -20,7 +22,7 @@ struct path_key {
 // Centripetal Catmull-Rom through the keys, arc length made even, heights lifted where they would come closer
 // to the ground than `clearance_m`.  Repeated keys, one key and segments of no length are fine (numerics.md,
 // E6).  `frames`: how many frames the path has by itself.  NULL after one line on stderr when there are no
-// keys.
+// keys.  On a sphere the terrain is borrowed until destroy.
 struct path *path_from_keys(const struct terrain *terrain, const struct path_key *keys, int count, int frames,
                             double clearance_m, double fov_vertical);
 

@@ -1,7 +1,7 @@
 // A flight made from the terrain itself: it weaves along the map's longer side, low over the lowest ground at
 // hand, climbs over everything for a look at the whole and dives back.
 // SPDX-License-Identifier: MIT
-#include "common/view/path.h"
+#include "common/view/path_sphere.h"
 
 #include <math.h>
 
@@ -94,6 +94,11 @@ static void look_ahead(struct path_key *keys)
 
 struct path *path_for_terrain(const struct terrain *terrain, int frames, double fov_vertical)
 {
+    if (terrain_info(terrain)->datum == TERRAIN_SPHERE) {
+        struct path_key stops[32];
+        int count = path_sphere_tour(terrain, stops, 32);
+        return path_from_keys(terrain, stops, count, frames, 1.2, fov_vertical);
+    }
     struct land land = survey(terrain);
     struct path_key keys[TOUR_KEYS];
     const double level_pitch = -4 * M_PI / 180, down_pitch = -28 * M_PI / 180;

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { LATTICE_BITS_MAX = 12, FRACTION_BITS = 23 };
+enum { LATTICE_BITS_MAX = 12, LATTICE_BITS_SPHERE = 23, FRACTION_BITS = 23 };
 static const double OUTLINE_MARGIN = 1e-4; // interpolated float32 positions are right to about 1e-5
 
 static double dot(const double a[3], const double b[3])
@@ -29,20 +29,26 @@ static int64_t shift_floor(int64_t value, int bits)
     return quotient - (value % divisor < 0);
 }
 
-static void snap_eye(struct view *view, const struct terrain_info *info, const double eye_m[3])
+static void snap_eye(struct view *view, const struct terrain *terrain, const double eye_m[3])
 {
+    const struct terrain_info *info = terrain_info(terrain);
     int levels = info->coarsest - info->finest + 1;
     view->finest = info->finest;
-    view->lattice_bits = (int)clamp(FRACTION_BITS + 1 - levels, 0, LATTICE_BITS_MAX);
+    view->lattice_bits = info->datum == TERRAIN_SPHERE
+                             ? LATTICE_BITS_SPHERE
+                             : (int)clamp(FRACTION_BITS + 1 - levels, 0, LATTICE_BITS_MAX);
     for (int axis = 0; axis < 2; axis++) {
         double unit = ldexp(info->spacing_m[axis], info->finest - view->lattice_bits);
         view->eye_lattice[axis] = snap(eye_m[axis], unit);
-        view->eye_m[axis] = (double)view->eye_lattice[axis] * unit;
+        view->eye_place[axis] = (double)view->eye_lattice[axis] * unit;
     }
     double unit = ldexp(info->quantum_m, -VIEW_HEIGHT_BITS);
     double limit = ldexp(1, 30 + VIEW_HEIGHT_BITS); // the whole quanta fit an int32
     view->eye_height = snap(clamp(eye_m[2] - info->offset_m, -limit * unit, limit * unit), unit);
-    view->eye_m[2] = (double)view->eye_height * unit + info->offset_m;
+    view->eye_place[2] = (double)view->eye_height * unit + info->offset_m;
+    terrain_world_from_place(terrain, view->eye_place, view->eye_m);
+    terrain_axes(terrain, view->eye_place, view->axes);
+    if (info->datum == TERRAIN_SPHERE) view->radius_m = info->radius_m + view->eye_place[2];
 }
 
 // Right, up and forward from the angles alone, so that looking straight up or down is nothing special.
@@ -72,11 +78,10 @@ static void set_clip_from_relative(struct view *view)
     m[3 * 4 + 2] = (float)view->near_m;
 }
 
-static double near_by_height(const struct terrain *terrain, const double eye_m[3])
+static double near_by_height(const struct terrain *terrain, const double place[3])
 {
     const struct terrain_info *info = terrain_info(terrain);
-    double place[3], ground_q = 0;
-    terrain_place_from_world(terrain, eye_m, place);
+    double ground_q = 0;
     const double *outline = info->outline_m;
     double x = clamp(place[0], outline[0], outline[2]), y = clamp(place[1], outline[1], outline[3]);
     if (!terrain_truth_at(terrain, x, y, &ground_q, NULL)) return 0.05;
@@ -87,7 +92,7 @@ void view_init(struct view *view, const struct terrain *terrain, const struct ca
                int height, double near_m)
 {
     memset(view, 0, sizeof *view);
-    snap_eye(view, terrain_info(terrain), camera->eye_m);
+    snap_eye(view, terrain, camera->eye_m);
     view->yaw = camera->yaw;
     view->pitch = camera->pitch;
     view->roll = camera->roll;
@@ -97,7 +102,7 @@ void view_init(struct view *view, const struct terrain *terrain, const struct ca
     view->tan_half[1] = tan(0.5 * camera->fov_vertical);
     view->tan_half[0] = view->tan_half[1] * width / height;
     view->pixels_per_tangent = height / (2 * view->tan_half[1]);
-    view->near_m = near_m > 0 ? near_m : near_by_height(terrain, view->eye_m);
+    view->near_m = near_m > 0 ? near_m : near_by_height(terrain, view->eye_place);
     set_clip_from_relative(view);
 }
 
@@ -139,6 +144,13 @@ bool view_inside_outline(const struct view *view, const struct terrain *terrain,
     return true;
 }
 
+void view_world(const struct view *view, const double relative[3], double world_m[3])
+{
+    for (int axis = 0; axis < 3; axis++)
+        world_m[axis] = view->eye_m[axis] + relative[0] * view->axes[0][axis] +
+                        relative[1] * view->axes[1][axis] + relative[2] * view->axes[2][axis];
+}
+
 void view_ray(const struct view *view, int x, int y, double direction[3])
 {
     double right = view->tan_half[0] * (2 * (x + 0.5) / view->width - 1);
@@ -172,5 +184,24 @@ bool view_project_vertical(const struct view *view, double x_relative, double y_
     double along = view->up[2] * depth0 - slope * dot(view->up, lower);
     double height = fabs(z1_relative - z0_relative);
     *length_px = view->pixels_per_tangent * height * hypot(across, along) / (depth0 * depth1);
+    return true;
+}
+
+bool view_project_segment(const struct view *view, const double from[3], const double step[3],
+                          double *length_px)
+{
+    double near = view->near_m, gain = dot(view->forward, step);
+    double depth0 = dot(view->forward, from), depth1 = depth0 + gain, t0 = 0, t1 = 1;
+    *length_px = 0;
+    if (!(depth0 >= near || depth1 >= near)) return false;
+    if (depth0 < near) t0 = (near - depth0) / gain;
+    if (depth1 < near) t1 = (near - depth0) / gain;
+    double start[3], share = t1 - t0;
+    for (int axis = 0; axis < 3; axis++) start[axis] = from[axis] + t0 * step[axis];
+    depth0 = fmax(depth0, near), depth1 = fmax(depth1, near);
+    // As above: the step stands for the difference of the ends.
+    double across = dot(view->right, step) * depth0 - gain * dot(view->right, start);
+    double along = dot(view->up, step) * depth0 - gain * dot(view->up, start);
+    *length_px = view->pixels_per_tangent * share * hypot(across, along) / (depth0 * depth1);
     return true;
 }

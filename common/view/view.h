@@ -7,6 +7,11 @@
 //     x_relative = (float(I) - F) * g,   I = i - floor(eye / g) an integer, F = frac(eye / g)
 // with g the spacing of the level.  It holds for up to 24 levels: lattice_bits + levels - 1 <= 23.
 //
+// "Relative to the eye" means along the axes at the eye's place: x east, y north, z up.  On the plane these
+// are the world's axes.  On a sphere the lattice is finer than any place in double (steps of 2^-23 of a
+// finest cell; fractions are rounded to float), z is along the eye's plumb line, and ground falls away below
+// z = 0 with the distance.
+//
 // Pixels are counted from the bottom left.  Pixel (x, y) covers x..x+1, y..y+1 of the window; its ray goes
 // through its centre, so view_project of that ray gives (x + 0.5, y + 0.5).
 // SPDX-License-Identifier: MIT
@@ -23,18 +28,21 @@ enum { VIEW_HEIGHT_BITS = 8 };
 // What a path or a user asks for.  Angles in radians: yaw 0 looks east, pi/2 north; pitch > 0 looks up;
 // roll > 0 lowers the right side.
 struct camera {
-    double eye_m[3]; // world
+    double eye_m[3]; // place: x, y or longitude, latitude (metres of arc), and height
     double yaw, pitch, roll;
     double fov_vertical; // the VERTICAL angle of view (numerics.md, FOV trap)
 };
 
 struct view {
     double eye_m[3];        // world, on the lattice
+    double eye_place[3];    // the same as a place
+    double axes[3][3];      // of the relative coordinates, in the world: east, north, up at the eye
+    double radius_m;        // from a sphere's centre to the eye; 0 on the plane
     int64_t eye_lattice[2]; // eye in units of finest spacing * 2^-lattice_bits, floor-exact
     int64_t eye_height;     // eye height in units of quantum * 2^-VIEW_HEIGHT_BITS above offset_m
     int lattice_bits;
     int finest;                         // finest level of the terrain: the level the lattice refines
-    double right[3], up[3], forward[3]; // unit vectors
+    double right[3], up[3], forward[3]; // unit vectors, in the axes of relative coordinates
     double tan_half[2];                 // tangents of half the horizontal and vertical angle
     double near_m;                      // nearest visible depth; the far plane is at infinity
     int width, height;                  // pixels
@@ -65,6 +73,9 @@ void view_eye_quanta(const struct view *view, int32_t *base, float *fraction);
 bool view_inside_outline(const struct view *view, const struct terrain *terrain, const double low[2],
                          const double high[2]);
 
+// The world position of a point relative to the eye.
+void view_world(const struct view *view, const double relative[3], double world_m[3]);
+
 // Direction of the ray through the centre of pixel (x, y), scaled so that its depth (along forward) is 1.
 void view_ray(const struct view *view, int x, int y, double direction[3]);
 
@@ -76,5 +87,8 @@ bool view_project(const struct view *view, const double relative[3], double pixe
 // (and 0) when the whole segment is nearer than that (numerics.md, E7).
 bool view_project_vertical(const struct view *view, double x_relative, double y_relative, double z0_relative,
                            double z1_relative, double *length_px);
+// The same for the segment from `from` (relative to the eye) to from + step, in any direction.
+bool view_project_segment(const struct view *view, const double from[3], const double step[3],
+                          double *length_px);
 
 #endif

@@ -128,6 +128,8 @@ static void own_scenes_fly_well(void **state)
         bool skip = false;
         for (int k = 0; k < 3; k++)
             if (strcmp(found.gl_pathv[i], needs[k].scene) == 0) skip = !test_data(needs[k].data, path);
+        // Planets have a test of their own (test_path_sphere.c).
+        if (strstr(found.gl_pathv[i], "/earth") || strstr(found.gl_pathv[i], "/mars")) skip = true;
         if (skip) continue;
         struct scene *scene = scene_load(found.gl_pathv[i], NULL, 0, 0);
         assert_non_null(scene);
