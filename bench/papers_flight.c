@@ -138,7 +138,7 @@ bool papers_fly(const struct papers *papers, const struct scene *scene, int fram
     struct flying flying[MOST_FLIGHTS] = {0};
     struct random_state random = {PAPERS_SEED};
     int order[MOST_FLIGHTS];
-    bool good = true;
+    bool good = count <= MOST_FLIGHTS || fail("papers: more than %d settings at a time", MOST_FLIGHTS);
     for (int f = 0; f < count && good; f++) {
         order[f] = f;
         good = take_off(papers, scene, frames, &flights[f], &flying[f]) &&
@@ -150,6 +150,6 @@ bool papers_fly(const struct papers *papers, const struct scene *scene, int fram
             good = fly_once(papers, scene, frames, &flights[order[k]], &flying[order[k]], repeat);
     }
     for (int f = 0; f < count && good; f++) good = summarise(papers, frames, &flights[f], &flying[f]);
-    for (int f = 0; f < count; f++) land(&flights[f], &flying[f]);
+    for (int f = 0; f < count && f < MOST_FLIGHTS; f++) land(&flights[f], &flying[f]);
     return good;
 }

@@ -3,11 +3,11 @@
 
 #include "common/embedded.h"
 #include "common/report.h"
-#include "common/view/frustum.h"
 #include "pgm/pgm_atlas.h"
 #include "pgm/pgm_mesh.h"
 #include "pgm/pgm_rows.h"
 #include "pgm/pgm_sampler.h"
+#include "pgm/pgm_tiles.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -113,9 +113,7 @@ static const struct renderer_knob knobs[] = {
     {"words", "own shading: of the four in a texel, the nearest or a blend", 1, 0, 1, "nearest|blended"},
     {"cull", "leave out tiles of the grid outside the view: few, as the rows fit the view already", 0, 0, 1,
      "off|on"},
-    {"faces",
-     "triangles drawn: both sides of the surface, or only those that face the eye (may drop a pixel)", 0, 0,
-     1, "both|front"},
+    {"faces", RENDERER_FACES_HELP, RENDERER_FACES_SAFE, 0, 2, RENDERER_FACES_CHOICES},
     {"fall",
      "how far a row's ray sinks: sin A - y cos A as printed, which cancels at the horizon, or a sum from the "
      "far end",
@@ -154,8 +152,9 @@ struct selection {
     struct pgm_settings used; // of the grid
     GLuint sampling, rows;    // its uniform blocks
     int coarsened;            // rows that read a coarser level than their own, which is not in memory here
-    int draws;                // runs of tiles
-    uint64_t triangles;
+    int draws[PGM_WAYS];      // runs of tiles, the last ways' first
+    uint64_t way_triangles[PGM_WAYS], triangles;
+    bool below_ground;  // the viewer is
     double share_below; // of rows that lie below the screen's lower edge on the sampling plane
     GLsizei *counts;
     size_t *firsts;
@@ -168,17 +167,20 @@ struct pgm {
     struct pgm_world world;
     int mesh_rows;                     // of the grid as it was uploaded
     double column_focus, column_width; // pgm_focus of its columns
-    bool cull, front_only;
+    bool cull;
+    enum renderer_faces faces;
     struct pgm_picture picture;
     struct pgm_atlas atlas,
         colours; // colours: of the picture, which shading of its own may have; else zeroed
-    struct gpu_program programs[PASS_COUNT];
+    struct gpu_program programs[PASS_COUNT][2]; // 1: within the map
+    struct pgm_tiles grid_tiles;
     GLuint vertex_array, vertex_buffer, index_buffer;
     size_t grid_bytes;
     uint64_t refilled_bytes; // of textures, this frame
     double begun_ms;         // the last frame, in real time
     int tiles;
     GLint *base_vertices; // zeros, one for each tile
+    uint8_t *ways;        // of the tiles
     struct pgm_row rows[PGM_ROWS_MAX + 1];
     struct sampling_block block;
     struct rows_block rows_block;
@@ -217,7 +219,7 @@ static void read_settings(struct pgm *pgm)
     pgm->column_focus = 0.5 + 0.5 * s->focus[0];
     pgm->column_width = s->law == PGM_LAW_FOCUS ? s->focus_width / 2 : 0;
     pgm->cull = k[KNOB_CULL] > 0;
-    pgm->front_only = k[KNOB_FACES] > 0;
+    pgm->faces = (enum renderer_faces)k[KNOB_FACES];
 }
 
 static struct pgm_storage read_storage(const struct pgm *pgm)
@@ -373,7 +375,7 @@ static void write_defines(const struct pgm *pgm, char *out, size_t size)
         knob[KNOB_MAPPING] > 0 ? "" : "#define MAPPING_PUBLISHED\n",
         knob[KNOB_COORDINATES] > 0 ? "" : "#define COORDINATES_AUTOMATIC\n",
         fragments[(int)knob[KNOB_FRAGMENT]], knob[KNOB_WORDS] > 0 ? "" : "#define NEAREST_WORD\n",
-        knob[KNOB_EDGE] > 0 ? "" : "#define EDGE_CLAMPED\n#define MAP_UNBOUNDED\n",
+        knob[KNOB_EDGE] > 0 ? "" : "#define EDGE_CLAMPED\n" GPU_INSIDE_OUTLINE,
         pgm->colours.levels ? "#define OWN_COLOUR\n" : "", (int)(levels->end - levels->data),
         (const char *)levels->data);
     if (pgm->atlas.storage.many && used < size) write_many(pgm, out + used, size - used);
@@ -398,16 +400,18 @@ static void bind_names(struct pgm *pgm, GLuint program)
 
 static bool build_programs(struct pgm *pgm)
 {
-    char defines[16384];
-    write_defines(pgm, defines, sizeof defines);
-    for (int pass = 0; pass < PASS_COUNT; pass++) {
-        struct gpu_program *program = &pgm->programs[pass];
-        if (!gpu_program_build(pgm->desc.gpu, program, "pgm/pgm.vert", defines, pgm->desc.effects,
-                               (enum render_pass)pass))
-            return false;
-        gpu_use_program(pgm->desc.gpu, program);
-        bind_names(pgm, program->name);
-    }
+    char defines[16384] = GPU_INSIDE_OUTLINE;
+    const size_t inside = sizeof GPU_INSIDE_OUTLINE - 1;
+    write_defines(pgm, defines + inside, sizeof defines - inside);
+    for (int pass = 0; pass < PASS_COUNT; pass++)
+        for (int k = 0; k < 2; k++) {
+            struct gpu_program *program = &pgm->programs[pass][k];
+            if (!gpu_program_build(pgm->desc.gpu, program, "pgm/pgm.vert", k ? defines : defines + inside,
+                                   pgm->desc.effects, (enum render_pass)pass))
+                return false;
+            gpu_use_program(pgm->desc.gpu, program);
+            bind_names(pgm, program->name);
+        }
     return true;
 }
 
@@ -443,7 +447,10 @@ static bool init_selections(struct pgm *pgm)
     pgm->tiles = pgm_mesh_tile_count(pgm->mesh_rows, pgm->settings.columns);
     size_t tiles = (size_t)pgm->tiles;
     pgm->base_vertices = calloc(tiles, sizeof *pgm->base_vertices);
-    bool good = pgm->base_vertices != NULL;
+    pgm->ways = malloc(tiles);
+    bool good = pgm->base_vertices && pgm->ways &&
+                pgm_tiles_init(&pgm->grid_tiles, pgm->mesh_rows, pgm->settings.columns, pgm->column_focus,
+                               pgm->column_width);
     for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {
         struct selection *selection = &pgm->selections[i];
         selection->counts = malloc(tiles * sizeof *selection->counts);
@@ -470,10 +477,13 @@ static void pgm_destroy(struct renderer *renderer)
         if (pgm->selections[i].rows) glDeleteBuffers(1, &pgm->selections[i].rows);
     }
     free(pgm->base_vertices);
+    free(pgm->ways);
+    pgm_tiles_finish(&pgm->grid_tiles);
     if (pgm->vertex_array) glDeleteVertexArrays(1, &pgm->vertex_array);
     if (pgm->vertex_buffer) glDeleteBuffers(1, &pgm->vertex_buffer);
     if (pgm->index_buffer) glDeleteBuffers(1, &pgm->index_buffer);
-    for (int pass = 0; pass < PASS_COUNT; pass++) gpu_program_finish(&pgm->programs[pass]);
+    for (int pass = 0; pass < PASS_COUNT; pass++)
+        for (int k = 0; k < 2; k++) gpu_program_finish(&pgm->programs[pass][k]);
     pgm_atlas_finish(&pgm->atlas);
     pgm_atlas_finish(&pgm->colours);
     pgm_picture_finish(&pgm->picture);
@@ -625,54 +635,48 @@ static bool coarsen_row(const struct pgm *pgm, struct pgm_row *row, const struct
     return !blends;
 }
 
-// Box of a tile relative to the eye, over all heights that it may have.
-static void tile_box(const struct pgm *pgm, const struct selection *selection, const struct view *view,
-                     const struct pgm_tile *tile, double low[3], double high[3])
+// How each tile is drawn: those in use are the far and the left ones.
+static void look_at_tiles(struct pgm *pgm, const struct selection *selection, const struct view *view)
 {
-    const struct pgm_sampler *sampler = &selection->sampler;
-    int columns = selection->used.columns;
-    double left = pgm_mesh_across(columns, pgm->column_focus, pgm->column_width, tile->column);
-    double right =
-        pgm_mesh_across(columns, pgm->column_focus, pgm->column_width, tile->column + tile->columns);
-    for (int axis = 0; axis < 2; axis++) low[axis] = (double)INFINITY, high[axis] = -(double)INFINITY;
-    for (int j = tile->row; j <= tile->row + tile->rows; j++)
-        for (int side = 0; side < 2; side++)
-            for (int axis = 0; axis < 2; axis++) {
-                double x = sampler->forward[axis] * pgm->rows[j].forward_m +
-                           sampler->right[axis] * pgm->rows[j].half_width_m * (side ? right : left);
-                low[axis] = fmin(low[axis], x);
-                high[axis] = fmax(high[axis], x);
-            }
-    low[2] = pgm->world.lowest_m - view->eye_m[2];
-    high[2] = pgm->world.highest_m - view->eye_m[2];
-}
-
-static bool tile_is_seen(const struct pgm *pgm, const struct selection *selection, const struct view *view,
-                         const struct frustum *frustum, const struct pgm_tile *tile)
-{
-    double low[3], high[3];
-    unsigned mask = FRUSTUM_ALL;
-    tile_box(pgm, selection, view, tile, low, high);
-    return frustum_test_box(frustum, low, high, &mask) != FRUSTUM_OUTSIDE;
-}
-
-// The tiles in use, which are the far and the left ones, joined to runs of the index list.
-static void select_tiles(const struct pgm *pgm, struct selection *selection, const struct view *view)
-{
-    struct frustum frustum;
-    frustum_init(&frustum, view);
-    size_t end = SIZE_MAX; // of the last run
+    const struct pgm_settings *used = &selection->used;
+    pgm_tiles_look(&pgm->grid_tiles, view, &pgm->world, &selection->sampler, used, pgm->rows);
     for (int k = 0; k < pgm->tiles; k++) {
         struct pgm_tile tile = pgm_mesh_tile(pgm->mesh_rows, pgm->settings.columns, k);
-        if (tile.row >= selection->used.rows || tile.column >= selection->used.columns) continue;
-        if (pgm->cull && !tile_is_seen(pgm, selection, view, &frustum, &tile)) continue;
+        pgm->ways[k] = PGM_UNSEEN;
+        if (tile.row >= used->rows || tile.column >= used->columns) continue;
+        int way = pgm_tiles_way(&pgm->grid_tiles, view, pgm->desc.terrain, &tile);
+        pgm->ways[k] = (uint8_t)(way == PGM_UNSEEN && !pgm->cull ? 0 : way);
+    }
+}
+
+// The tiles of a way, joined to runs of the index list from run `first` on.
+static void select_way(const struct pgm *pgm, struct selection *selection, int way, int first)
+{
+    int draws = first;
+    size_t end = SIZE_MAX, triangles = 0; // end: of the last run
+    for (int k = 0; k < pgm->tiles; k++) {
+        if (pgm->ways[k] != way) continue;
+        struct pgm_tile tile = pgm_mesh_tile(pgm->mesh_rows, pgm->settings.columns, k);
         if (tile.first != end) {
-            selection->firsts[selection->draws] = tile.first;
-            selection->counts[selection->draws++] = 0;
+            selection->firsts[draws] = tile.first;
+            selection->counts[draws++] = 0;
         }
-        selection->counts[selection->draws - 1] += (GLsizei)tile.count;
-        selection->triangles += tile.count / 3;
+        selection->counts[draws - 1] += (GLsizei)tile.count;
+        triangles += tile.count / 3;
         end = tile.first + tile.count;
+    }
+    selection->draws[way] = draws - first;
+    selection->way_triangles[way] = triangles;
+    selection->triangles += triangles;
+}
+
+static void select_tiles(struct pgm *pgm, struct selection *selection, const struct view *view)
+{
+    int draws = 0;
+    look_at_tiles(pgm, selection, view);
+    for (int way = PGM_WAYS - 1; way >= 0; way--) { // what lies inside first: most of it
+        select_way(pgm, selection, way, draws);
+        draws += selection->draws[way];
     }
 }
 
@@ -687,11 +691,12 @@ static double share_below(const struct pgm *pgm, const struct selection *selecti
 static void update_view(struct pgm *pgm, struct selection *selection, const struct view *view)
 {
     struct pgm_sampler *sampler = &selection->sampler;
-    selection->draws = 0;
+    memset(selection->draws, 0, sizeof selection->draws);
     selection->triangles = 0;
     selection->share_below = 0;
     selection->coarsened = 0;
     pgm->world.ground_m = ground_under(pgm->desc.terrain, view->eye_m);
+    selection->below_ground = view->eye_m[2] < pgm->world.ground_m;
     pgm_sampler_aim(sampler, view, &pgm->world, &pgm->settings);
     if (sampler->empty) return;
     struct pgm_settings *used = &selection->used;
@@ -734,28 +739,47 @@ static void bind_textures(const GLuint *textures, int count, int unit)
     }
 }
 
+static bool shows_front_only(const struct pgm *pgm, const struct selection *selection, enum render_pass pass,
+                             int way)
+{
+    if (pass == PASS_POSITION) return false; // measuring looks for faces seen from below
+    if (pgm->faces == RENDERER_FACES_SAFE) return way & PGM_WITHIN_VIEW && !selection->below_ground;
+    return pgm->faces == RENDERER_FACES_FRONT;
+}
+
+static void draw_way(const struct pgm *pgm, const struct selection *selection, enum render_pass pass, int way,
+                     int first)
+{
+    int draws = selection->draws[way];
+    uint64_t triangles = selection->way_triangles[way];
+    gpu_use_program(pgm->desc.gpu, &pgm->programs[pass][way & PGM_WITHIN_MAP ? 1 : 0]);
+    if (shows_front_only(pgm, selection, pass, way))
+        glEnable(GL_CULL_FACE);
+    else
+        glDisable(GL_CULL_FACE);
+    if (draws == 1)
+        gpu_draw_elements(pgm->desc.gpu, GL_TRIANGLES, (size_t)selection->counts[first], GL_UNSIGNED_INT,
+                          selection->firsts[first], 0, triangles);
+    else
+        gpu_multi_draw_elements(pgm->desc.gpu, GL_TRIANGLES, selection->counts + first, GL_UNSIGNED_INT,
+                                selection->firsts + first, pgm->base_vertices, draws, triangles);
+}
+
 static void pgm_draw(struct renderer *renderer, int view_index, enum render_pass pass)
 {
     struct pgm *pgm = (struct pgm *)renderer;
     const struct selection *selection = &pgm->selections[view_index];
-    if (selection->draws == 0) return;
-    gpu_use_program(pgm->desc.gpu, &pgm->programs[pass]);
+    int count = pgm_atlas_textures(&pgm->atlas), first = 0;
     glBindBufferBase(GL_UNIFORM_BUFFER, SAMPLING_BINDING, selection->sampling);
     glBindBufferBase(GL_UNIFORM_BUFFER, ROWS_BINDING, selection->rows);
-    int count = pgm_atlas_textures(&pgm->atlas);
     bind_textures(pgm->atlas.textures, count, HEIGHTS_UNIT);
     bind_textures(pgm->atlas.shading, count, FRAGMENTS_UNIT);
     bind_textures(pgm->colours.textures, pgm_atlas_textures(&pgm->colours), FRAGMENTS_UNIT + count);
     glBindVertexArray(pgm->vertex_array);
-    if (pgm->front_only && pass != PASS_POSITION)
-        glEnable(GL_CULL_FACE); // measuring looks for faces seen from below
-    if (selection->draws == 1)
-        gpu_draw_elements(pgm->desc.gpu, GL_TRIANGLES, (size_t)selection->counts[0], GL_UNSIGNED_INT,
-                          selection->firsts[0], 0, selection->triangles);
-    else
-        gpu_multi_draw_elements(pgm->desc.gpu, GL_TRIANGLES, selection->counts, GL_UNSIGNED_INT,
-                                selection->firsts, pgm->base_vertices, selection->draws,
-                                selection->triangles);
+    for (int way = PGM_WAYS - 1; way >= 0; way--) {
+        if (selection->draws[way] > 0) draw_way(pgm, selection, pass, way, first);
+        first += selection->draws[way];
+    }
     glDisable(GL_CULL_FACE);
 }
 

@@ -258,11 +258,18 @@ static double ground_share(const struct pgm_sampler *sampler, const struct view 
     return clamp((top - (view->pitch - half)) / (2 * half), 0, 1);
 }
 
-// The least that is at least `wanted` and `most` less whole tiles.
-static int cut_tiles(int most, double wanted)
+// The least rows that are at least `wanted`, of whole tiles, which are counted from the nearest of `most`
+// rows.
+static int cut_rows(int most, double wanted)
 {
     int cut = (int)floor(clamp(most - wanted, 0, most - 1) / PGM_TILE);
     return most - cut * PGM_TILE;
+}
+
+// Likewise columns, of which tiles are counted from the first.
+static int cut_columns(int most, double wanted)
+{
+    return (int)fmin(PGM_TILE * ceil(fmax(wanted, 1) / PGM_TILE), most);
 }
 
 static double step_at_edge(const struct pgm_sampler *sampler, const struct view *view,
@@ -302,8 +309,8 @@ void pgm_rows_fit(const struct pgm_sampler *sampler, const struct view *view, co
         extra = ceil(clamp(fabs(below.y[1] - below.y[0]) / fmax(step, 1e-9), 1, most_rows - rows));
     }
     *used = *settings;
-    used->rows = cut_tiles(most_rows, rows + extra);
-    used->columns = cut_tiles(settings->columns, ceil(columns));
+    used->rows = cut_rows(most_rows, rows + extra);
+    used->columns = cut_columns(settings->columns, columns);
     used->extra_rows = extra > 0 ? used->rows - (int)rows : 0;
 }
 

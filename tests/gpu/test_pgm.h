@@ -67,13 +67,14 @@ static inline struct view make_view(const struct terrain *terrain, const double 
     return view;
 }
 
-// Draws one pass of one frame into a target and reads it: RGBA bytes or floats, by the pass.
+// Draws one pass of one frame into a target and reads it: RGBA bytes or floats, or one float of depth, by the
+// pass.
 static inline void *draw_frame(struct gpu *gpu, struct renderer *renderer, const struct terrain *terrain,
                                const struct view *view, enum render_pass pass)
 {
     struct gpu_target target;
-    assert_true(gpu_target_init(gpu, &target, view->width, view->height,
-                                pass == PASS_SHADED ? GL_RGBA8 : GL_RGBA32F));
+    static const GLenum formats[PASS_COUNT] = {GL_RGBA8, GL_RGBA32F, 0};
+    assert_true(gpu_target_init(gpu, &target, view->width, view->height, formats[pass]));
     void *pixels = malloc((size_t)view->width * (size_t)view->height * 4 * sizeof(float));
     assert_non_null(pixels);
     gpu_set_view(gpu, terrain, view);

@@ -75,7 +75,7 @@ static void lay(struct laid *laid, const struct view *view, const struct pgm_set
     assert_true(laid->used.rows >= 1 && laid->used.rows <= most_rows);
     assert_true(laid->used.columns >= 1 && laid->used.columns <= settings->columns);
     assert_true((most_rows - laid->used.rows) % PGM_TILE == 0);
-    assert_true((settings->columns - laid->used.columns) % PGM_TILE == 0);
+    assert_true(laid->used.columns % PGM_TILE == 0 || laid->used.columns == settings->columns);
     pgm_rows_lay(&laid->sampler, view, &world, &laid->used, laid->rows);
     for (int j = 0; j < laid->used.rows; j++)
         assert_true(laid->rows[j].forward_m > laid->rows[j + 1].forward_m);
