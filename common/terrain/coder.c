@@ -151,6 +151,12 @@ static inline uint32_t cost_256(int set, int context, uint32_t magnitude, int ra
     return bits * 256 + bits_256(frequency(set, context, token));
 }
 
+static inline int64_t lambda_at(const struct coder_rate *rate, int x, int y)
+{
+    uint32_t scattered = (uint32_t)(y * CODER_TILE + x) * 2654435761u >> 16; // Knuth's multiplicative hash
+    return rate->lambda_65536 + (rate->uneven ? (int64_t)rate->lambda_65536 * scattered >> 16 : 0);
+}
+
 void coder_quantise(const struct coder_tile *tile, const struct coder_rate *rate, coder_band *k)
 {
     struct plane planes[CODER_BANDS];
@@ -173,10 +179,11 @@ void coder_quantise(const struct coder_tile *tile, const struct coder_rate *rate
                     for (uint32_t c = nearest;; c--) {
                         int64_t off = size - (int64_t)c * step; // in 1/64 step, squared
                         int64_t far = off * 64 / step;
-                        int64_t cost = far * far * 16 + (int64_t)rate->lambda_256 *
-                                                            (int64_t)cost_256(tile->set[b], context, c, raw);
+                        int64_t cost = far * far * 4096 +
+                                       lambda_at(rate, x, y) * cost_256(tile->set[b], context, c, raw);
                         if (cost < least) least = cost, best = c;
-                        if (c == 0 || c + 1 == nearest) break;
+                        if (c == 0 || (c + 1 == nearest && !rate->uneven)) break;
+                        if (c + 1 == nearest) c = 1; // zero next
                     }
                 }
                 plane_row(&planes[b], y)[x] = best;

@@ -52,7 +52,9 @@ typedef int32_t coder_band[CODER_TILE * CODER_TILE]; // y * CODER_TILE + x
 struct coder_rate {
     const int32_t (*values)[CODER_TILE * CODER_TILE]; // unquantised
     const int32_t *step;                              // one a band
-    int32_t lambda_256;                               // in step^2 / bit / 256
+    int32_t lambda_65536;                             // in step^2 / bit / 65536
+    bool uneven; // up to twice that, by place, so that like coefficients do not fall at once; any may fall to
+                 // 0
 };
 
 // Sums of tokens seen, for training.

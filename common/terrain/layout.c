@@ -121,10 +121,10 @@ struct activity_scale { // activity = min(bend >> down, 65535) * factor >> 14
 
 static struct activity_scale activity_scale(int32_t step)
 {
-    enum { PER_STEP = 3 };
+    enum { PER_STEP_16 = 16 };
     struct activity_scale scale = {0, 0};
-    while (step >> scale.down >= 1024) scale.down++;
-    scale.factor = ((uint32_t)PER_STEP << 14) / (uint32_t)(step >> scale.down);
+    while (step >> scale.down >= 256) scale.down++;
+    scale.factor = ((uint32_t)PER_STEP_16 << 10) / (uint32_t)(step >> scale.down);
     return scale;
 }
 
@@ -144,8 +144,8 @@ static void measure_activity(struct layout_tile *tile, const int32_t step[CODER_
             uint32_t along_x = bend(&tile->coarse[y + 1][x], 1),
                      along_y = bend(&tile->coarse[y][x + 1], TILE_COARSE);
             int at = y * CODER_TILE + x;
-            tile->activity[BAND_HL][at] = scaled(along_x, hl);
-            tile->activity[BAND_LH][at] = scaled(along_y, lh);
+            tile->activity[BAND_HL][at] = scaled(along_x + along_y / 4, hl);
+            tile->activity[BAND_LH][at] = scaled(along_y + along_x / 4, lh);
             tile->activity[BAND_HH][at] = scaled(along_x / 2 + along_y / 2, hh);
         }
 }

@@ -15,8 +15,9 @@
 
 enum {
     ROWS_A_BLOCK = 128,
-    LAMBDA_256 = 26
-}; // 0.1 step^2 a bit (Sullivan & Wiegand 1998: rate against distortion)
+    LAMBDA_65536 = 26 << 8, // 0.1 step^2 a bit (Sullivan & Wiegand 1998: rate against distortion)
+    MOST_LAMBDA = 1 << 26,
+};
 
 struct packed_tile {
     uint8_t *data;
@@ -31,6 +32,8 @@ struct pack {
     struct grid grid;
     enum layout layout;
     int fraction_bits;
+    int32_t lambda_65536;
+    bool uneven; // coder.h
     int32_t step[LAYOUT_LEVELS][CODER_BANDS];
     int32_t *levels[LAYOUT_LEVELS]; // as decoded, internal units, at the end quanta
     struct patch details[LAYOUT_LEVELS]
@@ -116,7 +119,7 @@ static void wavelet_tile(struct pack *p, struct layout_tile *tile, int64_t tx, i
         for (int y = 0; y < coder->height[b]; y++)
             memcpy(values[b] + y * CODER_TILE, patch_at(&p->details[p->level][b], x0, y0 + y),
                    (size_t)coder->width[b] * sizeof(int32_t));
-    struct coder_rate rate = {(const coder_band *)values, p->step[p->level], LAMBDA_256};
+    struct coder_rate rate = {(const coder_band *)values, p->step[p->level], p->lambda_65536, p->uneven};
     coder_quantise(coder, &rate, k);
     for (int b = BAND_HL; b <= BAND_HH; b++)
         for (int y = 0; y < coder->height[b]; y++)
@@ -246,7 +249,7 @@ static void set_bounded_steps(struct pack *p, double quantum_m)
 // Equal slopes of error against rate: a band's step is inverse to what its coefficients add to level 0.
 static void set_wavelet_steps(struct pack *p, double step)
 {
-    const double least = step / 16; // coarser levels gain nothing from finer ones
+    const double least = step / 64; // a floor of step / 16 costs 2 % at low rates
     int top = p->grid.count - 1;
     for (int l = 0; l <= top; l++)
         for (int b = 0; b < CODER_BANDS; b++) {
@@ -267,29 +270,60 @@ static bool forward(struct pack *p)
     return true;
 }
 
+static bool try_steps(struct pack *p, struct relief_header *h, double step, int32_t lambda_65536)
+{
+    set_wavelet_steps(p, step);
+    p->lambda_65536 = lambda_65536;
+    if (!pack_levels(p, false)) return false;
+    measure(p, h);
+    return true;
+}
+
+// On smooth maps a few coefficients carry everything, and the error jumps when one of them changes.  Finer
+// steps have smaller jumps: with them the error is brought up again by making rate dearer.
+static bool trim(struct pack *p, struct relief_header *h, double step)
+{
+    enum { FINER = 20, TRIES = 14 };
+    const double aim = p->options->rms_m;
+    double best = step, best_rms_m = 0;
+    int32_t best_lambda = 0; // exact
+    p->uneven = true;
+    for (int finer = 0; finer < FINER; finer++, step *= 0.9) {
+        double low = LAMBDA_65536 / 8, high = MOST_LAMBDA;
+        for (int i = 0; i < TRIES; i++) {
+            int32_t lambda = (int32_t)sqrt(low * high);
+            if (!try_steps(p, h, step, lambda)) return false;
+            if (h->rms_m <= aim && h->rms_m > best_rms_m)
+                best = step, best_lambda = lambda, best_rms_m = h->rms_m;
+            if (best_rms_m >= 0.985 * aim) return true;
+            *(h->rms_m <= aim ? &low : &high) = lambda;
+        }
+    }
+    set_wavelet_steps(p, best);
+    p->lambda_65536 = best_lambda;
+    return true;
+}
+
 // Finds the largest steps that reach the rms: the error grows with the step, nearly in proportion.
 static bool search_steps(struct pack *p, struct relief_header *h)
 {
-    enum { TRIES = 12 };
+    enum { TRIES = 16 };
     const double aim = p->options->rms_m, unit = ldexp(h->quantum_m, -p->fraction_bits);
-    double low = 0, high = INFINITY, step = aim / unit * 3.2, best = 0;
+    double low = 0, high = INFINITY, step = aim / unit * 3.2, best = 0, best_rms_m = 0;
     for (int i = 0; i < TRIES; i++) {
-        set_wavelet_steps(p, step);
-        if (!pack_levels(p, false)) return false;
-        measure(p, h);
-        if (h->rms_m <= aim)
-            low = step, best = step;
-        else
-            high = step;
-        if (h->rms_m <= aim && h->rms_m >= 0.9985 * aim) break;
+        if (!try_steps(p, h, step, LAMBDA_65536)) return false;
+        if (h->rms_m <= aim && (best == 0 || h->rms_m > best_rms_m)) best = step, best_rms_m = h->rms_m;
+        *(h->rms_m <= aim ? &low : &high) = step;
+        if (h->rms_m <= aim && h->rms_m >= 0.9985 * aim) return true;
         double guess = h->rms_m > 0 ? step * pow(0.9993 * aim / h->rms_m, 1.15) : 4 * step;
-        bool inside = guess > low && guess < high;
+        bool inside = guess > low && guess < high && (i < 5 || i % 2);
         step = inside ? guess : isinf(high) ? 2 * step : low > 0 ? sqrt(low * high) : high / 2;
         if (step < 1 && best == 0) step = 1;
     }
     if (best == 0)
         return fail("%s: an rms error of %g m is finer than the map's own steps; --lossless is smaller",
                     p->field->name, aim);
+    if (best_rms_m < 0.99 * aim) return trim(p, h, best);
     set_wavelet_steps(p, best);
     return true;
 }

@@ -9,7 +9,7 @@
 struct relief_pack_options {
     enum layout layout;
     double rms_m; // wavelet: the aim; what is reached lies within [0.98, 1] of it, or below when that is all
-                  // there is
+                  // there is (a map that its coarsest level, of 8 x 8 samples, nearly describes)
     double max_m; // bounded: no sample of any level differs by more; 0: lossless
     int threads;  // 0: one for each processor; the file does not depend on it
     struct coder_counts *counts; // NULL, or what the coder saw (threads = 1)
