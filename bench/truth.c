@@ -17,10 +17,9 @@ static const double NEVER = 1e300;
 
 struct truth_surface {
     const struct terrain *terrain;
-    const struct terrain_extrema *extrema;
-    const int32_t *samples; // of the finest level, row 0 south
+    struct terrain_extrema extrema; // borrowed nodes; of a terrain read on demand only their numbers
+    const int32_t *samples;         // of the finest level, row 0 south; NULL: read in pages
     size_t stride;
-    int32_t *copy; // owned, when the level is not in memory
     int finest;
     int64_t first[2]; // index of the south-west sample
     int64_t cells[2];
@@ -28,6 +27,19 @@ struct truth_surface {
     double spacing_m[2], quantum_m, offset_m;
     double min_q, max_q;
 };
+
+// What one thread reads of the surface.
+struct cells {
+    const struct truth_surface *surface;
+    struct terrain_page page; // held, when the terrain is read on demand
+};
+
+static inline const struct terrain_page *page_at(struct cells *cells, int64_t x, int64_t y)
+{
+    struct terrain_page *page = &cells->page;
+    if (!page->samples || page->x != x || page->y != y) terrain_page(cells->surface->terrain, x, y, page);
+    return page;
+}
 
 // ---- a ray, and what the walk asks of a datum ---------------------------------------------------
 
@@ -89,10 +101,18 @@ static inline double between(double a, double b, double s)
     return a + (b - a) * s;
 }
 
-static inline struct cell read_cell(const struct truth_surface *surface, const int64_t at[2])
+static inline struct cell read_cell(struct cells *cells, bool paged, const int64_t at[2])
 {
-    const int32_t *south = surface->samples + (size_t)at[1] * surface->stride + (size_t)at[0];
-    const int32_t *north = south + surface->stride;
+    enum { IN_PAGE = TERRAIN_PAGE - 1 };
+    const struct truth_surface *surface = cells->surface;
+    const int32_t *samples = surface->samples;
+    size_t stride = surface->stride, x = (size_t)at[0], y = (size_t)at[1];
+    if (paged) {
+        samples = page_at(cells, at[0] / TERRAIN_PAGE, at[1] / TERRAIN_PAGE)->samples;
+        stride = TERRAIN_PAGE + 1, x &= IN_PAGE, y &= IN_PAGE;
+    }
+    const int32_t *south = samples + y * stride + x;
+    const int32_t *north = south + stride;
     return (struct cell){{at[0], at[1]}, {{south[0], south[1]}, {north[0], north[1]}}};
 }
 
@@ -177,11 +197,11 @@ static inline bool comes_down(double from, double to)
 // Clearance is linear in each triangle and every rim value is shared with the neighbour, so no ray slips
 // through an edge or a vertex: the chain of clearances along a ray has no gap for a change of sign to hide
 // in.
-static inline bool cell_hit(const struct datum *datum, const struct truth_surface *surface,
-                            const struct ray *ray, const int64_t at[2], const struct place *from,
-                            const struct place *to, struct hit *hit)
+static inline bool cell_hit(const struct datum *datum, struct cells *cells, bool paged, const struct ray *ray,
+                            const int64_t at[2], const struct place *from, const struct place *to,
+                            struct hit *hit)
 {
-    struct cell cell = read_cell(surface, at);
+    struct cell cell = read_cell(cells, paged, at);
     double first = clearance(datum, ray, &cell, from), last = clearance(datum, ray, &cell, to);
     double t = datum->diagonal(ray, at[0] - at[1]), t0 = from->t;
     if (first < 0) { // rounding where the walk changed cells at a vertex: the surface is here
@@ -244,14 +264,25 @@ static inline void ascend(const struct datum *datum, const struct ray *ray, stru
     }
 }
 
+// At least the highest sample of a node.
+static inline int32_t highest(struct cells *cells, bool paged, int height, const int64_t at[2])
+{
+    const struct terrain_extrema_nodes *nodes = &cells->surface->extrema.nodes[height];
+    if (!paged) return nodes->max_q[at[1] * nodes->width + at[0]];
+    if (height >= TERRAIN_PAGE_HEIGHT) return terrain_node_max(cells->surface->terrain, height, at[0], at[1]);
+    int above = TERRAIN_PAGE_HEIGHT - height;
+    const struct terrain_page *page = page_at(cells, at[0] >> above, at[1] >> above);
+    int64_t in_page = ((int64_t)1 << above) - 1;
+    return page->max_q[height][((at[1] & in_page) << above) + (at[0] & in_page)];
+}
+
 // Walks t0..t1 over the nodes of the extrema pyramid: down where the ray may touch what a node holds, on to
 // the next node where it cannot, up when that has another parent.
-static inline __attribute__((always_inline)) bool walk(const struct datum *datum,
-                                                       const struct truth_surface *surface,
-                                                       const struct ray *ray, double t0, double t1,
-                                                       struct hit *hit)
+static inline __attribute__((always_inline)) bool walk(const struct datum *datum, struct cells *cells,
+                                                       bool paged, const struct ray *ray, double t0,
+                                                       double t1, struct hit *hit)
 {
-    const struct terrain_extrema *extrema = surface->extrema;
+    const struct terrain_extrema *extrema = &cells->surface->extrema;
     int height = extrema->heights - 1;
     struct node node = {{0, 0}, {0, 0}};
     ascend(datum, ray, &node, height); // from below the root
@@ -264,13 +295,13 @@ static inline __attribute__((always_inline)) bool walk(const struct datum *datum
         double leave = axis ? node.leave[1] : node.leave[0];
         bool last = !(leave < t1);
         leave = last ? t1 : leave > at.t ? leave : at.t;
-        if (datum->lowest(ray, at.t, leave) <= nodes->max_q[node.at[1] * nodes->width + node.at[0]]) {
+        if (datum->lowest(ray, at.t, leave) <= highest(cells, paged, height, node.at)) {
             if (height > 0) {
                 descend(datum, ray, &node, --height, at.t, nodes - 1);
                 continue;
             }
             struct place to = {leave, last ? -1 : axis, far_line(ray, &node, axis, 0)};
-            if (cell_hit(datum, surface, ray, node.at, &at, &to, hit)) return true;
+            if (cell_hit(datum, cells, paged, ray, node.at, &at, &to, hit)) return true;
         }
         if (last) return false;
         at = (struct place){leave, axis, far_line(ray, &node, axis, height)};
@@ -313,8 +344,9 @@ static bool narrow(double origin, double direction, double low, double high, dou
 }
 
 // Height over the surface where the ray begins.
-static double first_clearance(const struct truth_surface *surface, const struct ray *ray, double t0)
+static double first_clearance(struct cells *cells, const struct ray *ray, double t0)
 {
+    const struct truth_surface *surface = cells->surface;
     double place[2];
     int64_t at[2];
     for (int k = 0; k < 2; k++) {
@@ -322,14 +354,15 @@ static double first_clearance(const struct truth_surface *surface, const struct 
         at[k] = (int64_t)place[k];
         if (at[k] >= surface->cells[k]) at[k] = surface->cells[k] - 1;
     }
-    struct cell cell = read_cell(surface, at);
+    struct cell cell = read_cell(cells, !surface->samples, at);
     return plane_place(ray, 2, t0) - cell_height(&cell, place[0], place[1]);
 }
 
 // In cells and quanta, from t0 on.
-static bool cast(const struct truth_surface *surface, const double origin[3], const double direction[3],
-                 double t0, struct hit *hit)
+static bool cast(struct cells *cells, const double origin[3], const double direction[3], double t0,
+                 struct hit *hit)
 {
+    const struct truth_surface *surface = cells->surface;
     double t1 = HUGE_VAL;
     if (surface->cells[0] < 1 || surface->cells[1] < 1) return false; // a line of samples has no triangles
     // One quantum to spare: a ray that is cut here is above all ground where it begins and below all where it
@@ -339,8 +372,9 @@ static bool cast(const struct truth_surface *surface, const double origin[3], co
         if (!narrow(origin[k], direction[k], surface->clip[k], surface->clip[k + 2], &t0, &t1)) return false;
     if (!(t1 < HUGE_VAL)) return false; // no direction at all
     struct ray ray = make_ray(origin, direction);
-    if (first_clearance(surface, &ray, t0) < 0) return false;
-    return walk(&plane, surface, &ray, t0, t1, hit);
+    if (first_clearance(cells, &ray, t0) < 0) return false;
+    return surface->samples ? walk(&plane, cells, false, &ray, t0, t1, hit)
+                            : walk(&plane, cells, true, &ray, t0, t1, hit);
 }
 
 // ---- the surface --------------------------------------------------------------------------------
@@ -353,17 +387,18 @@ static double clip_cells(double place_m, double spacing_m, int64_t first, int64_
     return clamp(index - (double)first, 0, (double)cells);
 }
 
-static bool read_samples(struct truth_surface *surface, const struct terrain_extent *extent)
+// How many nodes there are; the root is the first height with a single one.
+static void count_nodes(struct terrain_extrema *extrema, const struct terrain_extent *extent)
 {
-    surface->samples = terrain_samples(surface->terrain, surface->finest, &surface->stride);
-    if (surface->samples) return true;
-    int64_t width = extent->x1 - extent->x0, height = extent->y1 - extent->y0;
-    surface->copy = malloc((size_t)(width * height) * sizeof *surface->copy);
-    if (!surface->copy) return false;
-    surface->samples = surface->copy;
-    surface->stride = (size_t)width;
-    return terrain_window(surface->terrain, surface->finest, extent->x0, extent->y0, (int)width, (int)height,
-                          surface->copy, TERRAIN_WAIT);
+    int64_t cells[2] = {extent->x1 - extent->x0 - 1, extent->y1 - extent->y0 - 1};
+    for (int k = 0; k < 2; k++) cells[k] = cells[k] < 1 ? 1 : cells[k];
+    for (int height = 0;; height++) {
+        struct terrain_extrema_nodes *nodes = &extrema->nodes[height];
+        nodes->width = (cells[0] + ((int64_t)1 << height) - 1) >> height;
+        nodes->height = (cells[1] + ((int64_t)1 << height) - 1) >> height;
+        extrema->heights = height + 1;
+        if (nodes->width == 1 && nodes->height == 1) return;
+    }
 }
 
 struct truth_surface *truth_surface_create(const struct terrain *terrain)
@@ -376,16 +411,17 @@ struct truth_surface *truth_surface_create(const struct terrain *terrain)
     struct terrain_level level = terrain_level(terrain, info->finest);
     const struct terrain_extent *extent = &level.extent;
     struct truth_surface *surface = calloc(1, sizeof *surface);
-    if (surface) {
-        surface->terrain = terrain;
-        surface->extrema = terrain_extrema(terrain);
-        surface->finest = info->finest;
-    }
-    if (!surface || !read_samples(surface, extent)) {
+    if (!surface) {
         fail("terrain %s: no memory for the ray caster", info->name);
-        truth_surface_destroy(surface);
         return NULL;
     }
+    surface->terrain = terrain;
+    surface->finest = info->finest;
+    surface->samples = terrain_samples(terrain, info->finest, &surface->stride);
+    if (surface->samples)
+        surface->extrema = *terrain_extrema(terrain);
+    else
+        count_nodes(&surface->extrema, extent);
     for (int k = 0; k < 2; k++) {
         surface->first[k] = k ? extent->y0 : extent->x0;
         surface->cells[k] = (k ? extent->y1 : extent->x1) - surface->first[k] - 1;
@@ -403,8 +439,6 @@ struct truth_surface *truth_surface_create(const struct terrain *terrain)
 
 void truth_surface_destroy(struct truth_surface *surface)
 {
-    if (!surface) return;
-    free(surface->copy);
     free(surface);
 }
 
@@ -434,14 +468,14 @@ struct casting {
     double origin[3]; // the eye, in cells and quanta
 };
 
-static bool cast_pixel(const struct casting *c, int x, int y, struct truth_pixel *pixel)
+static bool cast_pixel(const struct casting *c, struct cells *cells, int x, int y, struct truth_pixel *pixel)
 {
     const struct truth_surface *s = c->surface;
     double ray_m[3];
     struct hit hit;
     view_ray(c->view, x, y, ray_m);
     double ray[3] = {ray_m[0] / s->spacing_m[0], ray_m[1] / s->spacing_m[1], ray_m[2] / s->quantum_m};
-    if (!cast(s, c->origin, ray, c->view->near_m, &hit)) {
+    if (!cast(cells, c->origin, ray, c->view->near_m, &hit)) {
         *pixel = (struct truth_pixel){0};
         return false;
     }
@@ -475,7 +509,7 @@ void truth_snap_ray(const struct view *view, int x, int y, int ray, double direc
 }
 
 // Whether a ray next to the centre sees the other of ground and sky.
-static bool sees_other(const struct casting *c, int x, int y, bool ground)
+static bool sees_other(const struct casting *c, struct cells *cells, int x, int y, bool ground)
 {
     const struct truth_surface *s = c->surface;
     const double unit_m[3] = {s->spacing_m[0], s->spacing_m[1], s->quantum_m};
@@ -484,7 +518,7 @@ static bool sees_other(const struct casting *c, int x, int y, bool ground)
         struct hit hit;
         truth_snap_ray(c->view, x, y, k, ray);
         for (int axis = 0; axis < 3; axis++) ray[axis] /= unit_m[axis];
-        if (cast(s, c->origin, ray, c->view->near_m, &hit) != ground) return true;
+        if (cast(cells, c->origin, ray, c->view->near_m, &hit) != ground) return true;
     }
     return false;
 }
@@ -493,25 +527,30 @@ static void mark_skyline(int block, void *user)
 {
     const struct casting *c = user;
     struct truth *truth = c->truth;
+    struct cells cells = {.surface = c->surface};
     for (int y = block * ROWS_A_BLOCK; y < (block + 1) * ROWS_A_BLOCK && y < truth->height; y++)
         for (int x = 0; x < truth->width; x++) {
             struct truth_pixel *pixel = &truth->pixels[(size_t)y * (size_t)truth->width + (size_t)x];
-            if (borders_other(truth, x, y)) pixel->skyline = sees_other(c, x, y, pixel->depth > 0);
+            if (borders_other(truth, x, y)) pixel->skyline = sees_other(c, &cells, x, y, pixel->depth > 0);
         }
+    terrain_page_release(c->surface->terrain, &cells.page);
 }
 
 static void cast_rows(int block, void *user)
 {
     const struct casting *c = user;
     struct truth *truth = c->truth;
+    struct cells cells = {.surface = c->surface};
     int end = (block + 1) * ROWS_A_BLOCK;
     if (end > truth->height) end = truth->height;
     for (int y = block * ROWS_A_BLOCK; y < end; y++) {
         size_t ground = 0;
         for (int x = 0; x < truth->width; x++)
-            ground += cast_pixel(c, x, y, &truth->pixels[(size_t)y * (size_t)truth->width + (size_t)x]);
+            ground +=
+                cast_pixel(c, &cells, x, y, &truth->pixels[(size_t)y * (size_t)truth->width + (size_t)x]);
         truth->row_first[y + 1] = ground;
     }
+    terrain_page_release(c->surface->terrain, &cells.page);
 }
 
 void truth_cast(struct truth *truth, const struct truth_surface *surface, const struct view *view,
@@ -541,7 +580,10 @@ bool truth_cast_ray(const struct truth_surface *surface, const double eye_m[3], 
                           : (eye_m[2] - surface->offset_m) / unit_m[2];
         ray[k] = direction[k] / unit_m[k];
     }
-    if (!cast(surface, origin, ray, 0, &hit)) return false;
+    struct cells cells = {.surface = surface};
+    bool met = cast(&cells, origin, ray, 0, &hit);
+    terrain_page_release(surface->terrain, &cells.page);
+    if (!met) return false;
     *t = hit.t;
     for (int k = 0; k < 2; k++) slope[k] = (float)(hit.slope_q[k] * surface->quantum_m / unit_m[k]);
     return true;

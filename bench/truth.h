@@ -31,8 +31,9 @@ struct truth {
     uint64_t ground;            // pixels that see terrain
 };
 
-// How the caster reads the surface: cells of one height field.  The plane implements it over terrain_samples;
-// a sphere will over meridians and cones.  The terrain is borrowed until destroy.
+// How the caster reads the surface: cells of one height field.  The plane implements it over terrain_samples,
+// or page by page over a terrain that is read on demand; a sphere will over meridians and cones.  The terrain
+// is borrowed until destroy.
 struct truth_surface;
 struct truth_surface *truth_surface_create(const struct terrain *terrain); // NULL after one line on stderr
 void truth_surface_destroy(struct truth_surface *surface);                 // accepts NULL

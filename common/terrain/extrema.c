@@ -75,25 +75,50 @@ static bool allocate_nodes(struct terrain_extrema_nodes *nodes)
     return values != NULL;
 }
 
+// Sizes the nodes of height k; false when memory runs out.
+static bool add_nodes(struct terrain_extrema *extrema, const int64_t cells[2], int k)
+{
+    struct terrain_extrema_nodes *nodes = &extrema->nodes[k];
+    nodes->width = (cells[0] + ((int64_t)1 << k) - 1) >> k;
+    nodes->height = (cells[1] + ((int64_t)1 << k) - 1) >> k;
+    extrema->heights = k + 1;
+    return allocate_nodes(nodes);
+}
+
+static bool add_parents(struct terrain_extrema *extrema, const int64_t cells[2], int first_height)
+{
+    for (int k = first_height; extrema->nodes[k].width > 1 || extrema->nodes[k].height > 1; k++) {
+        if (!add_nodes(extrema, cells, k + 1)) return false;
+        build_parents(&extrema->nodes[k], &extrema->nodes[k + 1]);
+    }
+    return true;
+}
+
 bool extrema_init(struct terrain_extrema *extrema, const int32_t *samples, int64_t width, int64_t height,
                   int first_height)
 {
     memset(extrema, 0, sizeof *extrema);
-    int64_t cells[2] = {larger(width - 1, 1), larger(height - 1, 1)};
-    for (int k = first_height;; k++) {
-        struct terrain_extrema_nodes *nodes = &extrema->nodes[k];
-        nodes->width = (cells[0] + ((int64_t)1 << k) - 1) >> k;
-        nodes->height = (cells[1] + ((int64_t)1 << k) - 1) >> k;
-        extrema->heights = k + 1;
-        if (!allocate_nodes(nodes)) return false;
-        if (k == first_height) {
-            struct leaves leaves = {samples, width, height, k, nodes};
-            parallel_blocks((int)((nodes->height + ROWS_A_BLOCK - 1) / ROWS_A_BLOCK), 0, build_leaves,
-                            &leaves);
-        } else
-            build_parents(nodes - 1, nodes);
-        if (nodes->width == 1 && nodes->height == 1) return true;
-    }
+    const int64_t cells[2] = {larger(width - 1, 1), larger(height - 1, 1)};
+    if (!add_nodes(extrema, cells, first_height)) return false;
+    struct leaves leaves = {samples, width, height, first_height, &extrema->nodes[first_height]};
+    parallel_blocks((int)((leaves.nodes->height + ROWS_A_BLOCK - 1) / ROWS_A_BLOCK), 0, build_leaves,
+                    &leaves);
+    return add_parents(extrema, cells, first_height);
+}
+
+bool extrema_init_from(struct terrain_extrema *extrema, const int64_t cells[2], int first_height,
+                       void (*leaf)(const void *user, int64_t i, int64_t j, int32_t *min_q, int32_t *max_q),
+                       const void *user)
+{
+    memset(extrema, 0, sizeof *extrema);
+    if (!add_nodes(extrema, cells, first_height)) return false;
+    const struct terrain_extrema_nodes *nodes = &extrema->nodes[first_height];
+    for (int64_t j = 0; j < nodes->height; j++)
+        for (int64_t i = 0; i < nodes->width; i++) {
+            int64_t at = j * nodes->width + i;
+            leaf(user, i, j, (int32_t *)&nodes->min_q[at], (int32_t *)&nodes->max_q[at]);
+        }
+    return add_parents(extrema, cells, first_height);
 }
 
 void extrema_finish(struct terrain_extrema *extrema)

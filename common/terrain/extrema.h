@@ -19,6 +19,12 @@ void extrema_finish(struct terrain_extrema *extrema); // accepts a zeroed struct
 void extrema_bounds(const struct terrain_extrema *extrema, const int32_t *samples, int64_t width,
                     const int64_t from[2], const int64_t to[2], int32_t *min_q, int32_t *max_q);
 
+// The same from what `leaf` says of the nodes of `first_height`, over `cells` cells along x and y, at
+// least 1.
+bool extrema_init_from(struct terrain_extrema *extrema, const int64_t cells[2], int first_height,
+                       void (*leaf)(const void *user, int64_t i, int64_t j, int32_t *min_q, int32_t *max_q),
+                       const void *user);
+
 size_t extrema_bytes(const struct terrain_extrema *extrema);
 
 #endif

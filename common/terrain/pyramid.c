@@ -214,26 +214,16 @@ static double residual_rms(const struct pyramid *pyramid, int level)
     return good ? sqrt(sum / ((double)(width - 2 * MARGIN) * (double)(height - 2 * MARGIN))) : -1;
 }
 
-// Noise of the finer levels: the residuals of the stored levels are measured, and their spread continued as
-// the power of the spacing that fits them best (least squares over the logarithms).  Ground too small to
-// measure, or without residuals, gets none.
-static bool choose_noise(struct pyramid *pyramid)
+// Least squares over the logarithms.
+void pyramid_fit_noise(const double *rms_q, int count, double *noise_log2, double *noise_slope)
 {
-    enum { MOST = 5, SMALLEST = 24 };
-    double log_sigma[MOST], mean = 0, up = 0, down = 0;
-    int count = 0;
-    for (int l = 0; l < pyramid->coarsest && count < MOST; l++) {
-        const struct pyramid_level *level = pyramid_level(pyramid, l);
-        if (pyramid_width(level) < SMALLEST || pyramid_height(level) < SMALLEST) break;
-        double rms = residual_rms(pyramid, l);
-        if (rms < 0) return false;
-        if (rms == 0) break;
-        log_sigma[count++] = log2(rms);
+    double log_sigma[PYRAMID_FIT_LEVELS], mean = 0, up = 0, down = 0, middle = (count - 1) / 2.0;
+    *noise_log2 = -INFINITY, *noise_slope = 0;
+    if (count == 0) return;
+    for (int l = 0; l < count; l++) {
+        log_sigma[l] = log2(rms_q[l]);
+        mean += log_sigma[l] / count;
     }
-    pyramid->noise_log2 = -INFINITY;
-    if (count == 0) return true;
-    double middle = (count - 1) / 2.0;
-    for (int l = 0; l < count; l++) mean += log_sigma[l] / count;
     for (int l = 0; l < count; l++) {
         up += (l - middle) * (log_sigma[l] - mean);
         down += (l - middle) * (l - middle);
@@ -241,8 +231,24 @@ static bool choose_noise(struct pyramid *pyramid)
     // One level tells no slope: take that of a surface of bounded slope.  Detail never grows as it gets
     // finer.
     double slope = count > 1 ? up / down : 1;
-    pyramid->noise_slope = slope < 0 ? 0 : slope;
-    pyramid->noise_log2 = mean - pyramid->noise_slope * middle;
+    *noise_slope = slope < 0 ? 0 : slope;
+    *noise_log2 = mean - *noise_slope * middle;
+}
+
+// Noise of the finer levels.  Ground too small to measure, or without residuals, gets none.
+static bool choose_noise(struct pyramid *pyramid)
+{
+    double rms_q[PYRAMID_FIT_LEVELS];
+    int count = 0;
+    for (int l = 0; l < pyramid->coarsest && count < PYRAMID_FIT_LEVELS; l++) {
+        const struct pyramid_level *level = pyramid_level(pyramid, l);
+        if (pyramid_width(level) < PYRAMID_FIT_SIZE || pyramid_height(level) < PYRAMID_FIT_SIZE) break;
+        double rms = residual_rms(pyramid, l);
+        if (rms < 0) return false;
+        if (rms == 0) break;
+        rms_q[count++] = rms;
+    }
+    pyramid_fit_noise(rms_q, count, &pyramid->noise_log2, &pyramid->noise_slope);
     return true;
 }
 

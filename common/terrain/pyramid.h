@@ -38,6 +38,10 @@ bool pyramid_init(struct pyramid *pyramid, int32_t *samples, const struct terrai
 bool pyramid_init_sphere(struct pyramid *pyramid, int32_t *samples, const struct sphere_grid *sphere,
                          const struct terrain_options *options);
 double pyramid_noise_q(const struct pyramid *pyramid, int level); // standard deviation, quanta
+// How the spread of the residuals of levels 0..count-1, all positive, goes on: the power of the spacing that
+// fits them best, as log2 at level 0 and its gain a level; -INFINITY for count = 0.
+enum { PYRAMID_FIT_LEVELS = 5, PYRAMID_FIT_SIZE = 24 }; // levels that are looked at, and their least side
+void pyramid_fit_noise(const double *rms_q, int count, double *noise_log2, double *noise_slope);
 void pyramid_finish(struct pyramid *pyramid);
 
 static inline const struct pyramid_level *pyramid_level(const struct pyramid *pyramid, int level)

@@ -330,30 +330,36 @@ static bool search_steps(struct pack *p, struct relief_header *h)
 
 // ---- side section ----------------------------------------------------------
 
+// A sample of a level; one beyond the last column or row continues the line through the last two, as what
+// reads the file does.
+static int64_t continued(const struct pack *p, int level, int64_t x, int64_t y)
+{
+    const int64_t *size = p->grid.size[level];
+    if (x >= size[0] && size[0] == 1) x = 0;
+    if (y >= size[1] && size[1] == 1) y = 0;
+    if (y >= size[1]) return 2 * continued(p, level, x, size[1] - 1) - continued(p, level, x, size[1] - 2);
+    if (x >= size[0]) return 2 * continued(p, level, size[0] - 1, y) - continued(p, level, size[0] - 2, y);
+    return p->levels[level][y * size[0] + x];
+}
+
 // Largest |surface of this level - level 0| over the cells of one tile, rounded up; integers throughout.
 static uint32_t surface_error(const struct pack *p, int level, int64_t x0, int64_t y0, int64_t x1, int64_t y1)
 {
-    const int64_t *size = p->grid.size[level], width = p->grid.size[0][0];
+    const int64_t *size = p->grid.size[level], *fine = p->grid.size[0];
     int64_t cell = (int64_t)1 << level, most = 0;
-    int64_t x_end = x1 >= size[0] ? width : x1 << level,
-            y_end = y1 >= size[1] ? p->grid.size[0][1] : y1 << level;
-    for (int64_t y = y0 << level; y < y_end; y++) {
-        int64_t j = y >> level, v;
-        if (j > size[1] - 2) j = size[1] > 1 ? size[1] - 2 : 0;
-        v = y - j * cell;
-        const int32_t *south = p->levels[level] + j * size[0], *north = size[1] > 1 ? south + size[0] : south;
-        for (int64_t x = x0 << level; x < x_end; x++) {
-            int64_t i = x >> level, u;
-            if (i > size[0] - 2) i = size[0] > 1 ? size[0] - 2 : 0;
-            u = x - i * cell;
-            int64_t e = size[0] > 1 ? i + 1 : i;
-            int64_t sw = south[i], se = south[e], nw = north[i], ne = north[e];
-            int64_t height =
-                u < v ? sw * cell + v * (nw - sw) + u * (ne - nw) : sw * cell + u * (se - sw) + v * (ne - se);
-            int64_t off = llabs(height - (int64_t)p->levels[0][y * width + x] * cell);
-            most = off > most ? off : most;
+    for (int64_t j = y0; j < smaller(y1, size[1]); j++)
+        for (int64_t i = x0; i < smaller(x1, size[0]); i++) {
+            int64_t sw = continued(p, level, i, j), se = continued(p, level, i + 1, j);
+            int64_t nw = continued(p, level, i, j + 1), ne = continued(p, level, i + 1, j + 1);
+            for (int64_t y = j << level; y <= smaller((j + 1) << level, fine[1] - 1); y++)
+                for (int64_t x = i << level; x <= smaller((i + 1) << level, fine[0] - 1); x++) {
+                    int64_t u = x - (i << level), v = y - (j << level);
+                    int64_t height = u < v ? sw * cell + v * (nw - sw) + u * (ne - nw)
+                                           : sw * cell + u * (se - sw) + v * (ne - se);
+                    int64_t off = llabs(height - (int64_t)p->levels[0][y * fine[0] + x] * cell);
+                    most = off > most ? off : most;
+                }
         }
-    }
     int64_t error = (most + cell - 1) >> level;
     return error < UINT32_MAX ? (uint32_t)error : UINT32_MAX;
 }

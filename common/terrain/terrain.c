@@ -3,23 +3,18 @@
 
 #include "common/embedded.h"
 #include "common/report.h"
-#include "common/terrain/detail.h"
 #include "common/terrain/extrema.h"
 #include "common/terrain/heightfield.h"
-#include "common/terrain/pyramid.h"
+#include "common/terrain/paged.h"
+#include "common/terrain/relief_program.h"
 #include "common/terrain/sphere.h"
+#include "common/terrain/terrain_parts.h"
 #include "common/terrain/upsample.h"
 #include "common/terrain/voids.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-struct terrain {
-    struct terrain_info info;
-    struct pyramid pyramid;
-    struct detail detail; // sphere: its grid, and the levels that are not in memory
-};
 
 static bool is_sphere(const struct terrain *terrain)
 {
@@ -220,8 +215,34 @@ static struct terrain *from_heightfield(struct heightfield *field, const struct 
     return terrain;
 }
 
+// What a file is called in reports: its name without folder and ending.
+static void name_after(struct terrain_info *info, const char *path)
+{
+    const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path, *dot = strrchr(name, '.');
+    size_t length = dot && dot > name ? (size_t)(dot - name) : strlen(name);
+    if (length >= sizeof info->name) length = sizeof info->name - 1;
+    memcpy(info->name, name, length);
+    info->name[length] = '\0';
+}
+
+static struct terrain *open_relief(const char *path, const struct terrain_options *options)
+{
+    static const struct terrain_options DEFAULTS = {0};
+    struct terrain *terrain = calloc(1, sizeof *terrain);
+    if (!terrain) return fail("%s: out of memory", path), NULL;
+    terrain->paged = paged_open(path, options ? options : &DEFAULTS);
+    if (terrain->paged) {
+        paged_info(terrain->paged, &terrain->info);
+        name_after(&terrain->info, path);
+        return terrain;
+    }
+    terrain_destroy(terrain);
+    return NULL;
+}
+
 struct terrain *terrain_load(const char *path, const struct terrain_options *options)
 {
+    if (relief_is_name(path)) return open_relief(path, options);
     struct heightfield field;
     if (!heightfield_load(&field, path)) return NULL;
     struct terrain *terrain = from_heightfield(&field, options);
@@ -249,6 +270,7 @@ struct terrain *terrain_builtin(const struct terrain_options *options)
 void terrain_destroy(struct terrain *terrain)
 {
     if (!terrain) return;
+    paged_close(terrain->paged);
     pyramid_finish(&terrain->pyramid);
     free(terrain);
 }
@@ -277,6 +299,7 @@ static struct terrain_level detail_level(const struct terrain *terrain, int leve
 
 struct terrain_level terrain_level(const struct terrain *terrain, int level)
 {
+    if (terrain->paged) return paged_level(terrain->paged, level);
     if (level < terrain->pyramid.finest) return detail_level(terrain, level);
     const struct pyramid_level *l = pyramid_level(&terrain->pyramid, level);
     return (struct terrain_level){
@@ -292,7 +315,7 @@ struct terrain_level terrain_level(const struct terrain *terrain, int level)
 bool terrain_window(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int width, int height,
                     int32_t *out, enum terrain_wait wait)
 {
-    (void)wait; // every level is in memory, or made at once
+    if (terrain->paged) return paged_window(terrain->paged, level, x0, y0, width, height, out, wait);
     if (is_sphere(terrain)) {
         if (level < 0) {
             detail_window(&terrain->detail, level, x0, y0, width, height, out);
@@ -368,6 +391,10 @@ static void detail_bounds(const struct terrain *terrain, int level, int64_t x0, 
 void terrain_bounds(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int64_t x1, int64_t y1,
                     int32_t *min_q, int32_t *max_q)
 {
+    if (terrain->paged) {
+        paged_bounds(terrain->paged, level, x0, y0, x1, y1, min_q, max_q);
+        return;
+    }
     if (is_sphere(terrain)) {
         (level < 0 ? detail_bounds : sphere_bounds)(terrain, level, x0, y0, x1, y1, min_q, max_q);
         return;
@@ -379,9 +406,20 @@ void terrain_bounds(const struct terrain *terrain, int level, int64_t x0, int64_
     extrema_bounds(&l->extrema, l->samples, pyramid_width(l), from, to, min_q, max_q);
 }
 
+double terrain_error(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int64_t x1, int64_t y1)
+{
+    if (terrain->paged) return paged_error(terrain->paged, level, x0, y0, x1, y1);
+    return terrain_level(terrain, level).max_error_m;
+}
+
+bool terrain_failed(const struct terrain *terrain)
+{
+    return terrain->paged && paged_failed(terrain->paged);
+}
+
 const int32_t *terrain_samples(const struct terrain *terrain, int level, size_t *stride)
 {
-    if (level < terrain->pyramid.finest) return NULL;
+    if (terrain->paged || level < terrain->pyramid.finest) return NULL;
     const struct pyramid_level *l = pyramid_level(&terrain->pyramid, level);
     *stride = (size_t)pyramid_width(l);
     return l->samples;
@@ -389,7 +427,22 @@ const int32_t *terrain_samples(const struct terrain *terrain, int level, size_t 
 
 const struct terrain_extrema *terrain_extrema(const struct terrain *terrain)
 {
-    return &pyramid_level(&terrain->pyramid, terrain->pyramid.finest)->extrema;
+    return terrain->paged ? NULL : &pyramid_level(&terrain->pyramid, terrain->pyramid.finest)->extrema;
+}
+
+void terrain_page(const struct terrain *terrain, int64_t x, int64_t y, struct terrain_page *page)
+{
+    paged_page(terrain->paged, x, y, page);
+}
+
+void terrain_page_release(const struct terrain *terrain, struct terrain_page *page)
+{
+    if (terrain->paged) paged_page_release(terrain->paged, page);
+}
+
+int32_t terrain_node_max(const struct terrain *terrain, int height, int64_t i, int64_t j)
+{
+    return paged_node_max(terrain->paged, height, i, j);
 }
 
 // Cell and fraction of a place along one axis; a place on the last sample belongs to the cell before it.
@@ -399,7 +452,7 @@ static int64_t cell_of(double place_m, double spacing_m, int64_t first, int64_t 
     int64_t cell = clamp((int64_t)floored, first, end - 2 > first ? end - 2 : first);
     double rest = position - (double)cell;
     *fraction = rest < 0 ? 0 : rest > 1 ? 1 : rest;
-    return cell - first;
+    return cell;
 }
 
 // On a sphere: any longitude; a latitude that rounding put beyond a pole is the pole's.
@@ -425,6 +478,20 @@ static bool sphere_truth_at(const struct terrain *terrain, double x_m, double y_
     return true;
 }
 
+// The four samples around cell (i, j) of the finest level, south row first; a single column or row repeats
+// itself.
+static void read_corners(const struct terrain *terrain, int64_t i, int64_t j, int32_t corners[4])
+{
+    if (terrain->paged) {
+        paged_window(terrain->paged, terrain->info.finest, i, j, 2, 2, corners, TERRAIN_WAIT);
+        return;
+    }
+    const struct pyramid_level *l = pyramid_level(&terrain->pyramid, terrain->info.finest);
+    int64_t width = pyramid_width(l), east = width > 1, north = pyramid_height(l) > 1 ? width : 0;
+    const int32_t *sw = l->samples + (j - l->extent.y0) * width + (i - l->extent.x0);
+    corners[0] = sw[0], corners[1] = sw[east], corners[2] = sw[north], corners[3] = sw[north + east];
+}
+
 bool terrain_truth_at(const struct terrain *terrain, double x_m, double y_m, double *height_q,
                       double slope[2])
 {
@@ -433,21 +500,19 @@ bool terrain_truth_at(const struct terrain *terrain, double x_m, double y_m, dou
     if (!(x_m >= info->outline_m[0] && x_m <= info->outline_m[2] && y_m >= info->outline_m[1] &&
           y_m <= info->outline_m[3]))
         return false;
-    const struct pyramid_level *l = pyramid_level(&terrain->pyramid, info->finest);
-    double spacing[2] = {ldexp(info->spacing_m[0], info->finest), ldexp(info->spacing_m[1], info->finest)}, u,
-           v;
-    int64_t width = pyramid_width(l);
-    int64_t i = cell_of(x_m, spacing[0], l->extent.x0, l->extent.x1, &u);
-    int64_t j = cell_of(y_m, spacing[1], l->extent.y0, l->extent.y1, &v);
-    int64_t east = width > 1,
-            north = pyramid_height(l) > 1 ? width : 0; // a single column or row repeats itself
-    const int32_t *sw = l->samples + j * width + i;
-    double z = *sw, z_se = sw[east], z_nw = sw[north], z_ne = sw[north + east];
+    const struct terrain_level level = terrain_level(terrain, info->finest);
+    const struct terrain_extent *e = &level.extent;
+    double u, v;
+    int32_t corners[4];
+    int64_t i = cell_of(x_m, level.spacing_m[0], e->x0, e->x1, &u);
+    int64_t j = cell_of(y_m, level.spacing_m[1], e->y0, e->y1, &v);
+    read_corners(terrain, i, j, corners);
+    double z = corners[0], z_se = corners[1], z_nw = corners[2], z_ne = corners[3];
     double along_x = u >= v ? z_se - z : z_ne - z_nw, along_y = u >= v ? z_ne - z_se : z_nw - z;
     *height_q = z + u * along_x + v * along_y;
     if (slope) {
-        slope[0] = along_x / spacing[0];
-        slope[1] = along_y / spacing[1];
+        slope[0] = along_x / level.spacing_m[0];
+        slope[1] = along_y / level.spacing_m[1];
     }
     return true;
 }
@@ -489,5 +554,6 @@ void terrain_axes(const struct terrain *terrain, const double place[3], double a
 
 size_t terrain_resident_bytes(const struct terrain *terrain)
 {
+    if (terrain->paged) return sizeof *terrain + paged_resident_bytes(terrain->paged);
     return sizeof *terrain + pyramid_bytes(&terrain->pyramid);
 }

@@ -82,11 +82,17 @@ struct terrain_options {
     int min_size;       // levels are added until neither side has more samples than this; 0: 8, at least 3
     double radius_m;    // of the planet that the samples cover; 0: a plane (files know their own)
     bool pixel_centred; // planet: samples are the centres of cells
+
+    // Of a .relief file, which is read on demand; filter does not apply, its levels are the file's own.
+    uint64_t cache_bytes;  // ceiling of what is kept decoded; 0: 128 MiB
+    int64_t frame_samples; // samples that arrive a frame at most (reader.h); 0: 2^19
+    int latency_frames;    // from asking to arrival (reader.h); 0: 2
+    int workers;           // threads that decode; 0: one less than there are processors, at least one
 };
 
 // Reads any elevation file: 16-bit PNG with a JSON sidecar, SRTM .hgt, raw 16-bit or float with a sidecar,
 // and what GDAL reads when built with it (heightfield.h says how).  Voids are filled, with a note.  NULL
-// after one line on stderr.
+// after one line on stderr.  A .relief file stays on disk and is read on demand, whatever its size (paged.h).
 struct terrain *terrain_load(const char *path, const struct terrain_options *options);
 
 // The grid that the program carries: Jacksboro fault, 403 x 344 samples, U.S. Geological Survey, public
@@ -122,9 +128,20 @@ bool terrain_window(const struct terrain *terrain, int level, int64_t x0, int64_
                     int32_t *out, enum terrain_wait wait);
 
 // Lowest and highest sample of the window's rectangle (both ends included, clamped to the extent);
-// conservative: never tighter than the samples, at most one node of the extrema pyramid looser on each side.
+// conservative: never tighter than the samples, at most one node of the extrema pyramid looser on each side
+// (read on demand: one tile of 64 samples, from the side section; looser still for synthesised levels).
 void terrain_bounds(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int64_t x1, int64_t y1,
                     int32_t *min_q, int32_t *max_q);
+
+// At least the largest difference in metres between the level's surface and that of the finest, over a
+// rectangle of samples of the level (both ends included).  Read on demand: that of the tiles under it, from
+// the side section.  In memory: the level's max_error_m.
+double terrain_error(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int64_t x1,
+                     int64_t y1);
+
+// The file has proved harmed while it was read: one line was printed, and samples read since are made up.
+// Programs look after each frame and end with EXIT_WORLD.
+bool terrain_failed(const struct terrain *terrain);
 
 // The samples of a level when it is in memory, row 0 south, `*stride` samples a row; else NULL, as for the
 // synthesised levels of a sphere.
@@ -140,7 +157,25 @@ struct terrain_extrema {
         const int32_t *min_q, *max_q; // row by row, row 0 south
     } nodes[40];
 };
+// NULL for a terrain that is read on demand; then there are pages.
 const struct terrain_extrema *terrain_extrema(const struct terrain *terrain);
+
+// A page of a terrain that is read on demand: TERRAIN_PAGE x TERRAIN_PAGE cells of the finest level and the
+// nodes of heights 0..TERRAIN_PAGE_HEIGHT over them.  Beyond the map's edge the last samples repeat.
+enum { TERRAIN_PAGE = 64, TERRAIN_PAGE_HEIGHT = 6 };
+struct terrain_page {
+    int64_t x, y;           // cells x * TERRAIN_PAGE ... from the extent's south-west corner
+    const int32_t *samples; // TERRAIN_PAGE + 1 a row; NULL: nothing is held
+    const int32_t *max_q[TERRAIN_PAGE_HEIGHT + 1]; // node (i, j) of height k: [j * (TERRAIN_PAGE >> k) + i]
+    void *slot;                                    // the cache's, until released
+    int32_t *own;                                  // when the cache has no room left
+};
+// Reads page (x, y) in place of what `page`, zeroed at first, held.  Any thread, each with a page of its own.
+void terrain_page(const struct terrain *terrain, int64_t x, int64_t y, struct terrain_page *page);
+void terrain_page_release(const struct terrain *terrain, struct terrain_page *page);
+// At least the highest sample of node (i, j) of a height from TERRAIN_PAGE_HEIGHT up, as terrain_extrema
+// counts them.
+int32_t terrain_node_max(const struct terrain *terrain, int height, int64_t i, int64_t j);
 
 // Height in quanta of the truth (finest level, piecewise linear, double) at a place in metres.
 // False outside the outline.  `slope` (may be NULL) receives dz/dx and dz/dy of the triangle, in quanta per
