@@ -1,6 +1,7 @@
 // Shading `common`: the normal of the drawn triangle itself, so that a picture shows geometry and nothing else.
-vec3 surface_normal()
+float cosine_to(vec3 direction)
 {
-    vec3 normal = cross(dFdx(v_relative), dFdy(v_relative));
-    return normal * inversesqrt(max(dot(normal, normal), 1e-30)) * (normal.z < 0.0 ? -1.0 : 1.0);
+    vec3 normal = cross(dFdx(v_ground), dFdy(v_ground));
+    float cosine = dot(normal, direction) * inversesqrt(max(dot(normal, normal), 1e-30));
+    return normal.z < 0.0 ? -cosine : cosine;
 }

@@ -1,9 +1,9 @@
 // Shared by every vertex and fragment program: the frame's uniforms and the exact way from grid to camera-relative metres.
 layout(std140) uniform frame {
     mat4 clip_from_relative; // reversed depth: z = near, w = depth
-    vec4 outline;            // exact outline of the map relative to the eye: x_min, y_min, x_max, y_max
-    vec4 height;             // x: eye height in quanta, integer part; y: its fraction; z: metres per quantum; w: eye z, metres
-    vec4 shade;              // x: lowest height of the map, metres; y: 1 / (highest - lowest); z, w: the view's width and height in pixels
+    vec4 outline;            // exact outline of the map relative to the eye: x_min, y_min, x_max, y_max, in reliefs
+    vec4 height;             // x: eye height in quanta, integer part; y: its fraction; z: metres per quantum
+    vec4 shade;              // x: lowest height of the map relative to the eye, reliefs; y: reliefs per metre; z, w: the view's width and height in pixels
 };
 
 // Height in quanta (an integer, or a blend of integers) to metres relative to the eye.
@@ -17,6 +17,13 @@ float relative_height(float quanta)
 vec2 relative_place(vec2 cell, vec2 fraction, vec2 spacing)
 {
     return (cell - fraction) * spacing;
+}
+
+// A relief is the map's highest less its lowest height (1 m on a flat map).  Fragments get their place in reliefs, x and y
+// from the eye, z from the lowest height, so that normals and colour need nothing else.
+vec3 in_reliefs(vec3 relative)
+{
+    return vec3(relative.xy * shade.y, relative.z * shade.y - shade.x);
 }
 
 // Which side of a triangle the eye is on (side.geom to terrain.frag).

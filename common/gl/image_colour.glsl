@@ -5,6 +5,6 @@ uniform sampler2D colour_image;
 
 vec3 ground_colour()
 {
-    return texture(colour_image, vec2(v_relative.x - outline.x, outline.w - v_relative.y) / (outline.zw - outline.xy)).rgb;
+    return texture(colour_image, vec2(v_ground.x - outline.x, outline.w - v_ground.y) / (outline.zw - outline.xy)).rgb;
 }
 #endif

@@ -270,17 +270,17 @@ void gpu_set_view(struct gpu *gpu, const struct terrain *terrain, const struct v
     struct gpu_frame frame;
     memcpy(frame.clip_from_relative, view->clip_from_relative, sizeof frame.clip_from_relative);
     if (!gpu->info.clip_control) gpu_frame_without_clip_control(&frame);
-    for (int i = 0; i < 4; i++) frame.outline[i] = relative_edge(info, view, i);
     const double unit = 1.0 / (1 << VIEW_HEIGHT_BITS);
     double eye_q = (double)view->eye_height * unit;
     float whole = (float)(view->eye_height >> VIEW_HEIGHT_BITS);
     frame.height[0] = whole;
     frame.height[1] = (float)(eye_q - (double)whole);
     frame.height[2] = (float)info->quantum_m;
-    frame.height[3] = (float)view->eye_m[2];
-    frame.shade[0] = (float)(info->offset_m + info->quantum_m * info->min_q);
-    frame.shade[1] =
-        info->max_q > info->min_q ? (float)(1 / (info->quantum_m * ((double)info->max_q - info->min_q))) : 0;
+    frame.height[3] = 0;
+    double relief_m = info->max_q > info->min_q ? info->quantum_m * ((double)info->max_q - info->min_q) : 1;
+    frame.shade[0] = (float)((info->offset_m + info->quantum_m * info->min_q - view->eye_m[2]) / relief_m);
+    frame.shade[1] = (float)(1 / relief_m);
+    for (int i = 0; i < 4; i++) frame.outline[i] = relative_edge(info, view, i) * frame.shade[1];
     frame.shade[2] = (float)view->width;
     frame.shade[3] = (float)view->height;
     gpu_set_frame(gpu, &frame);

@@ -11,7 +11,7 @@
 layout(triangles) in;
 layout(triangle_strip, max_vertices = 3) out;
 in vec3 v_corner[];
-out vec3 v_relative;
+out vec3 v_relative, v_ground;
 flat out vec4 v_corners[3]; // xyz: corners; w: their depth
 flat out vec2 v_screen[3];  // the corners in the picture, pixels
 flat out vec3 v_altitude;   // of the triangle in the picture, over each corner's opposite edge, pixels
@@ -29,6 +29,7 @@ void main()
     vec3 altitude = abs(c.x * b.y - c.y * b.x) / max(vec3(length(a), length(b), length(c)), vec3(1e-30));
     for (int i = 0; i < 3; i++) {
         v_relative = v_corner[i];
+        v_ground = in_reliefs(v_relative);
         for (int k = 0; k < 3; k++) {
             v_corners[k] = vec4(v_corner[k], gl_in[k].gl_Position.w);
             v_screen[k] = p[k];

@@ -1,6 +1,6 @@
 // The one fragment program: a height ramp with Lambert shading, or the position itself, or depth alone.  Two pieces before
-// it say what is shaded: `vec3 surface_normal()` (unit; face_normal.glsl, or the renderer's own) and
-// `vec3 ground_colour()` (height_colour.glsl or image_colour.glsl).  A renderer that lights its ground itself defines OWN_LIGHT
+// it say what is shaded: `float cosine_to(vec3 direction)` of the surface's normal (face_normal.glsl; a renderer's own brings
+// `vec3 surface_normal()`, unit) and `vec3 ground_colour()` (height_colour.glsl or image_colour.glsl).  A renderer that lights its ground itself defines OWN_LIGHT
 // and `vec3 lit_ground()` in place of the normal.
 #if defined(PASS_SHADED)
 layout(location = 0) out vec4 colour;
@@ -12,10 +12,17 @@ vec3 sunlight(float cosine)
 }
 
 #ifndef OWN_LIGHT
+#ifdef SHADING_OWN
+float cosine_to(vec3 direction)
+{
+    return dot(surface_normal(), direction);
+}
+#endif
+
 vec3 lit_ground()
 {
     const vec3 to_sun = vec3(-0.58, 0.58, 0.57); // north-west, 35 degrees high
-    return ground_colour() * sunlight(max(dot(surface_normal(), to_sun), 0.0));
+    return ground_colour() * sunlight(max(cosine_to(to_sun), 0.0));
 }
 #endif
 
@@ -79,7 +86,7 @@ void main()
     vec3 drawn = v_relative;
     if (outside) {
         vec3 nearest = nearest_point_of_outline();
-        if (!outside_map(nearest)) drawn = nearest;
+        if (!outside_map(in_reliefs(nearest))) drawn = nearest;
     }
     position_and_side = vec4(drawn, below ? -1.0 : 1.0);
 }

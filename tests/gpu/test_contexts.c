@@ -97,8 +97,8 @@ static int draw(const char *word, int threads)
     // The eye looks north, a little down: x to the right, z up, depth along y.
     const struct gpu_frame frame = {
         .clip_from_relative = {1.2f, 0, 0, 0, 0, 0.4f, 0, 1, 0, 1.5f, 0, 0, 0, 0.5f, 0.5f, 0},
-        .outline = {-70, 5, 66, 190},
-        .shade = {-9, 1.0f / 6}};
+        .outline = {-70.0f / 6, 5.0f / 6, 66.0f / 6, 190.0f / 6},
+        .shade = {-9.0f / 6, 1.0f / 6}};
     uint64_t colour, position, nothing, depth, depth_again, depth_of_position;
     struct scene_mesh mesh = load_scene(gpu);
     gpu_set_frame(gpu, &frame);

@@ -457,6 +457,103 @@ static void test_depth(void **state)
     assert_true(worst <= 4 * 0x1p-23);
 }
 
+// ---- shading ---------------------------------------------------------------
+
+// What the fragment program is to show of ground with this upward normal, `share` of the map's relief high.
+static void expected_colour(const double normal[3], double share, double colour[3])
+{
+    static const double pure[5][3] = {
+        {0.34, 0.52, 0.38}, {0.66, 0.70, 0.46}, {0.82, 0.70, 0.50}, {0.66, 0.58, 0.53}, {1, 1, 1}};
+    static const double at[6] = {0, 0.0977, 0.3136, 0.5776, 0.8587, 2}, sun[3] = {-0.58, 0.58, 0.57};
+    static const double shadow[3] = {0.30, 0.35, 0.44}, light[3] = {1.05, 0.99, 0.88};
+    double cosine = 0, length = 0;
+    for (int k = 0; k < 3; k++) cosine += normal[k] * sun[k], length += normal[k] * normal[k];
+    cosine = fmax(cosine / sqrt(length), 0);
+    int i = 0;
+    while (i < 4 && share > at[i + 1]) i++;
+    double part = i == 4 ? 0 : fmax(share - at[i], 0) / (at[i + 1] - at[i]);
+    for (int k = 0; k < 3; k++) {
+        double ground = pure[i][k] + (i == 4 ? 0 : part * (pure[i + 1][k] - pure[i][k]));
+        colour[k] = fmin(ground * (shadow[k] + light[k] * cosine), 1);
+    }
+}
+
+struct plane {
+    double middle, slope[2]; // z relative to the eye, under the eye and per metre
+};
+
+static void draw_plane(struct fixture *f, const struct plane *plane, uint8_t (*colour)[4])
+{
+    static const uint32_t indices[6] = {0, 1, 2, 0, 2, 3};
+    float vertices[4][3];
+    for (int k = 0; k < 4; k++) {
+        double x = k == 0 || k == 3 ? -190 : 190, y = k < 2 ? -190 : 190;
+        vertices[k][0] = (float)x, vertices[k][1] = (float)y;
+        vertices[k][2] = (float)(plane->middle + plane->slope[0] * x + plane->slope[1] * y);
+    }
+    load_mesh(f, vertices, 4, indices, sizeof indices);
+    gpu_target_begin(f->gpu, &f->targets[PASS_SHADED]);
+    gpu_use_program(f->gpu, &f->programs[PASS_SHADED]);
+    gpu_draw_elements(f->gpu, GL_TRIANGLES, 6, GL_UNSIGNED_INT, 0, 0, 2);
+    gpu_target_read(f->gpu, &f->targets[PASS_SHADED], colour);
+}
+
+// The largest difference to what is expected, in steps of 8 bits, over the pixels within 150 m.
+static double shading_off(const struct view *view, const struct plane *plane, uint8_t (*colour)[4],
+                          uint64_t *pixels)
+{
+    const double normal[3] = {-plane->slope[0], -plane->slope[1], 1};
+    double worst = 0;
+    for (int p = 0; p < SIDE * SIDE; p++) {
+        double ray[3], expected[3];
+        view_ray(view, p % SIDE, p / SIDE, ray);
+        double t = plane->middle / (ray[2] - plane->slope[0] * ray[0] - plane->slope[1] * ray[1]);
+        if (!(t > 0) || fabs(t * ray[0]) > 150 || fabs(t * ray[1]) > 150) continue;
+        expected_colour(normal, (t * ray[2] + view->eye_m[2] + 3) / 250, expected);
+        for (int k = 0; k < 3; k++) worst = fmax(worst, fabs(colour[p][k] - 255 * expected[k]));
+        ++*pixels;
+    }
+    return worst;
+}
+
+// Planes through the middle of a map of 250 m of relief: each pixel shows the colour of its height, lit by
+// the plane's slope, to a step of 8 bits.
+static void test_shading(void **state)
+{
+    struct fixture *f = *state;
+    static int32_t samples[41 * 41];
+    samples[1] = 1000; // quanta: the relief
+    const struct terrain_grid grid = {.name = "relief",
+                                      .samples = samples,
+                                      .width = 41,
+                                      .height = 41,
+                                      .spacing_m = {10, 10},
+                                      .quantum_m = 0.25,
+                                      .offset_m = -3};
+    struct terrain *terrain = terrain_from_grid(&grid, &(struct terrain_options){0});
+    static uint8_t colour[SIDE * SIDE][4];
+    uint64_t seed = 35, pixels = 0, views = (uint64_t)test_size(200, 5000);
+    double worst = 0;
+    for (uint64_t v = 0; v < views; v++) {
+        struct camera camera = {.eye_m = {200, 200, 400},
+                                .yaw = test_uniform(&seed, -4, 4),
+                                .pitch = test_uniform(&seed, -1.5, -1),
+                                .roll = test_uniform(&seed, -1, 1),
+                                .fov_vertical = 0.6};
+        struct view view;
+        view_init(&view, terrain, &camera, SIDE, SIDE, 0);
+        gpu_set_view(f->gpu, terrain, &view);
+        const struct plane plane = {test_uniform(&seed, 20, 220) - view.eye_m[2],
+                                    {test_uniform(&seed, -1, 1), test_uniform(&seed, -1, 1)}};
+        draw_plane(f, &plane, colour);
+        worst = fmax(worst, shading_off(&view, &plane, colour, &pixels));
+    }
+    FIGURE("shading: %lu pixels of %lu planes, at most %.2f steps of 8 bits off", pixels, views, worst);
+    assert_true(pixels > 500 * views);
+    assert_true(worst <= 1);
+    terrain_destroy(terrain);
+}
+
 // ---- the map's outline -----------------------------------------------------
 
 static struct terrain *small_terrain(int64_t first)
@@ -655,7 +752,7 @@ static void test_outline_meets_vertices(void **state)
         for (int k = 0; k < 4; k++) {
             float vertex =
                 ((float)(edges[k] - eye.base[k & 1]) - eye.fraction[k & 1]) * (float)level.spacing_m[k & 1];
-            assert_true(vertex == frame.outline[k]);
+            assert_true(vertex * frame.shade[1] == frame.outline[k]); // in reliefs, as fragments see it
         }
     }
     terrain_destroy(terrain);
@@ -734,6 +831,7 @@ int main(void)
         cmocka_unit_test(test_position_pass),
         cmocka_unit_test(test_position_side),
         cmocka_unit_test(test_depth),
+        cmocka_unit_test(test_shading),
         cmocka_unit_test(test_outline),
         cmocka_unit_test(test_inside_outline),
         cmocka_unit_test(test_outline_meets_vertices),
