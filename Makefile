@@ -11,9 +11,13 @@ OBJ    := $(BUILD)/obj
 # ---- packages (Debian names) ----------------------------------------------------------------------------------
 PACKAGES := gcc libc6-dev make pkg-config git clang-format cppcheck libepoxy-dev libglfw3-dev libosmesa6-dev \
             libegl-dev libegl-mesa0 libgl1-mesa-dri libglx-mesa0 libcjson-dev libpng-dev libcmocka-dev gnuplot-nox \
-            xvfb xauth libxml2-utils
+            xvfb xauth libxml2-utils libopenjp2-7-dev libcharls-dev liblerc-dev zlib1g-dev
 LIBRARIES := epoxy glfw3 libcjson libpng
 GDAL      := $(shell pkg-config --exists gdal 2>/dev/null && echo gdal)
+# Other coders, for `terrain compare` alone; what is missing is said there.
+CODERS    := $(foreach c,OPENJPEG=libopenjp2 CHARLS=charls LERC=Lerc ZLIB=zlib,\
+             $(shell pkg-config --exists $(lastword $(subst =, ,$c)) 2>/dev/null && echo $c))
+CODER_LIBRARIES := $(foreach c,$(CODERS),$(lastword $(subst =, ,$c)))
 
 # ---- flags ----------------------------------------------------------------------------------------------------
 # Numbers must not depend on the compiler's mood: no contraction, never -ffast-math (numerics.md, section 0).
@@ -22,11 +26,12 @@ OPTIMISE_debug    := -O0 -g
 OPTIMISE_sanitize := -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
 WARNINGS := -Wall -Wextra -Wpedantic -Wshadow -Wvla -Wstrict-prototypes -Wmissing-prototypes -Wdouble-promotion
 FLAGS    := -std=c11 -D_DEFAULT_SOURCE $(OPTIMISE_$(config)) $(WARNINGS) $(if $(werror),-Werror) -ffp-contract=off \
-            -fno-fast-math -pthread -I. $(if $(GDAL),-DRELIEF_GDAL) -DRELIEF_BUILD='"$(OPTIMISE_$(config))"' \
+            -fno-fast-math -pthread -I. $(if $(GDAL),-DRELIEF_GDAL) $(foreach c,$(CODERS),-DRELIEF_$(firstword $(subst =, ,$c))) \
+            -DRELIEF_BUILD='"$(OPTIMISE_$(config))"' \
             -DRELIEF_COMMIT='"$(shell git rev-parse --short HEAD 2>/dev/null || echo unknown)"' \
-            $(shell pkg-config --cflags $(LIBRARIES) $(GDAL) 2>/dev/null) $(CFLAGS)
-LINK     := -pthread $(OPTIMISE_$(config)) $(LDFLAGS)
-LIBS     := $(shell pkg-config --libs $(LIBRARIES) $(GDAL) 2>/dev/null) -ldl -lm
+            $(shell pkg-config --cflags $(LIBRARIES) $(GDAL) $(CODER_LIBRARIES) 2>/dev/null) $(CFLAGS)
+LINK     := -Wl,--as-needed -pthread $(OPTIMISE_$(config)) $(LDFLAGS)
+LIBS     := $(shell pkg-config --libs $(LIBRARIES) $(GDAL) $(CODER_LIBRARIES) 2>/dev/null) -ldl -lm
 
 # ---- files ----------------------------------------------------------------------------------------------------
 RENDERERS := clipmap geomipmap pgm
@@ -141,11 +146,12 @@ headers: ## each header compiles by itself
 	@for h in $(HEADERS); do echo "#include \"$$h\"" | $(CC) $(FLAGS) -Wno-unused -fsyntax-only -x c - || exit 1; done
 	@echo "headers: good"
 
-# What the coder counts hangs on its tables, so they are made twice.  Never trained on maps that figures are quoted for.
+# What the coder counts hangs on its tables: a guess, then three rounds.  Never trained on maps that figures are quoted for.
 TRAINING := bigtujunga_30m_1197x643 everest_srtm3_1201 jacksboro_403x344
-tables: ## train the tile coder's tables on the maps of $RELIEF_DATA that are meant for it
-	for pass in 1 2; do $(MAKE) --no-print-directory $(BUILD)/tests/tools/train_coder && \
-	  $(BUILD)/tests/tools/train_coder $(TRAINING:%="$$RELIEF_DATA"/%.png) > $(BUILD)/coder_tables.c && \
+tables: ## train the tile coder's tables on the maps of $RELIEF_DATA that are meant for it (some minutes)
+	for round in 0 1 2 3; do \
+	  $(MAKE) --no-print-directory $(BUILD)/tests/tools/train_coder && $(BUILD)/tests/tools/train_coder \
+	    $$([ $$round = 0 ] || printf '%s ' $(TRAINING:%="$$RELIEF_DATA"/%.png)) > $(BUILD)/coder_tables.c && \
 	  cp $(BUILD)/coder_tables.c common/terrain/coder_tables.c || exit 1; done
 
 report: $(BUILD)/bench ## rebuild reports/default/index.html from its results.json

@@ -8,7 +8,6 @@
 #include "common/terrain/relief_pack.h"
 
 #include <cjson/cJSON.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -205,91 +204,4 @@ int relief_print_info(const char *path, bool json)
         print_info_text(relief, file_bytes(path));
     relief_close(relief);
     return EXIT_GOOD;
-}
-
-// ---- compare ---------------------------------------------------------------
-
-struct difference {
-    double rms_m, max_m, mean_m;
-    int64_t compared, voids; // samples that both have; that one lacks
-};
-
-static struct difference difference_of(const struct heightfield *a, const struct heightfield *b)
-{
-    struct difference d = {0};
-    double squares = 0, sum = 0;
-    for (int64_t i = 0; i < a->width * a->height; i++) {
-        bool known = a->samples[i] != HEIGHTFIELD_VOID && b->samples[i] != HEIGHTFIELD_VOID;
-        d.compared += known;
-        d.voids += !known;
-        if (!known) continue;
-        double off =
-            (b->quantum_m * b->samples[i] + b->offset_m) - (a->quantum_m * a->samples[i] + a->offset_m);
-        squares += off * off;
-        sum += off;
-        d.max_m = fabs(off) > d.max_m ? fabs(off) : d.max_m;
-    }
-    if (d.compared) d.rms_m = sqrt(squares / (double)d.compared), d.mean_m = sum / (double)d.compared;
-    return d;
-}
-
-static void print_difference(const struct difference *d, const char *const names[2], const double seconds[2],
-                             double samples, bool json)
-{
-    double bytes[2] = {file_bytes(names[0]), file_bytes(names[1])};
-    if (!json) {
-        printf("rms %.4g m, max %.4g m, mean %.3g m over %lld samples; %lld void in one of them\n", d->rms_m,
-               d->max_m, d->mean_m, (long long)d->compared, (long long)d->voids);
-        for (int i = 0; i < 2; i++)
-            printf("%s: %.0f bytes, %.4f bits a sample, read in %.3f s of CPU time\n", names[i], bytes[i],
-                   8 * bytes[i] / samples, seconds[i]);
-        return;
-    }
-    cJSON *root = cJSON_CreateObject(), *files = cJSON_CreateArray();
-    cJSON_AddNumberToObject(root, "rms_m", d->rms_m);
-    cJSON_AddNumberToObject(root, "max_m", d->max_m);
-    cJSON_AddNumberToObject(root, "mean_m", d->mean_m);
-    cJSON_AddNumberToObject(root, "compared", (double)d->compared);
-    cJSON_AddNumberToObject(root, "voids", (double)d->voids);
-    cJSON_AddItemToObject(root, "files", files);
-    for (int i = 0; i < 2; i++) {
-        cJSON *item = cJSON_CreateObject();
-        cJSON_AddItemToArray(files, item);
-        cJSON_AddStringToObject(item, "file", names[i]);
-        cJSON_AddNumberToObject(item, "bytes", bytes[i]);
-        cJSON_AddNumberToObject(item, "bits_per_sample", 8 * bytes[i] / samples);
-        cJSON_AddNumberToObject(item, "read_cpu_s", seconds[i]);
-    }
-    char *text = cJSON_Print(root);
-    if (text) puts(text);
-    cJSON_free(text);
-    cJSON_Delete(root);
-}
-
-int relief_compare_main(int argc, char **argv)
-{
-    const char *words[2] = {NULL, NULL};
-    bool json = false;
-    int count = 2;
-    const struct cli_option options[] = {{"json", NULL, "print JSON", CLI_FLAG, &json, 0, 0, NULL}, END};
-    if (!cli_parse(argc, argv, options, words, &count)) return EXIT_COMMAND_LINE;
-    if (count != 2) return fail("compare: two elevation files are expected"), EXIT_COMMAND_LINE;
-    struct heightfield fields[2] = {0};
-    double seconds[2] = {0, 0};
-    bool good = true;
-    for (int i = 0; good && i < 2; i++) {
-        double start = cpu_seconds();
-        good = heightfield_load(&fields[i], words[i]);
-        seconds[i] = cpu_seconds() - start;
-    }
-    if (good && (fields[0].width != fields[1].width || fields[0].height != fields[1].height))
-        good = fail("%s: %lld x %lld samples, but %s has %lld x %lld; equal sizes are expected", words[1],
-                    (long long)fields[1].width, (long long)fields[1].height, words[0],
-                    (long long)fields[0].width, (long long)fields[0].height);
-    if (good) {
-        struct difference d = difference_of(&fields[0], &fields[1]);
-        print_difference(&d, words, seconds, (double)fields[0].width * (double)fields[0].height, json);
-    }
-    for (int i = 0; i < 2; i++) heightfield_finish(&fields[i]);
-    return good ? EXIT_GOOD : EXIT_WORLD;
 }
