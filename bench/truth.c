@@ -28,16 +28,17 @@ struct truth_surface {
     double min_q, max_q;
 };
 
-// What one thread reads of the surface.
+// What one thread holds of a terrain that is read on demand.  Below, `cells` is NULL for samples in memory;
+// it is a constant wherever it is looked at often.
 struct cells {
-    const struct truth_surface *surface;
-    struct terrain_page page; // held, when the terrain is read on demand
+    const struct terrain *terrain;
+    struct terrain_page page;
 };
 
 static inline const struct terrain_page *page_at(struct cells *cells, int64_t x, int64_t y)
 {
     struct terrain_page *page = &cells->page;
-    if (!page->samples || page->x != x || page->y != y) terrain_page(cells->surface->terrain, x, y, page);
+    if (!page->samples || page->x != x || page->y != y) terrain_page(cells->terrain, x, y, page);
     return page;
 }
 
@@ -101,13 +102,13 @@ static inline double between(double a, double b, double s)
     return a + (b - a) * s;
 }
 
-static inline struct cell read_cell(struct cells *cells, bool paged, const int64_t at[2])
+static inline struct cell read_cell(const struct truth_surface *surface, struct cells *cells,
+                                    const int64_t at[2])
 {
     enum { IN_PAGE = TERRAIN_PAGE - 1 };
-    const struct truth_surface *surface = cells->surface;
     const int32_t *samples = surface->samples;
     size_t stride = surface->stride, x = (size_t)at[0], y = (size_t)at[1];
-    if (paged) {
+    if (cells) {
         samples = page_at(cells, at[0] / TERRAIN_PAGE, at[1] / TERRAIN_PAGE)->samples;
         stride = TERRAIN_PAGE + 1, x &= IN_PAGE, y &= IN_PAGE;
     }
@@ -197,11 +198,11 @@ static inline bool comes_down(double from, double to)
 // Clearance is linear in each triangle and every rim value is shared with the neighbour, so no ray slips
 // through an edge or a vertex: the chain of clearances along a ray has no gap for a change of sign to hide
 // in.
-static inline bool cell_hit(const struct datum *datum, struct cells *cells, bool paged, const struct ray *ray,
-                            const int64_t at[2], const struct place *from, const struct place *to,
-                            struct hit *hit)
+static inline bool cell_hit(const struct datum *datum, const struct truth_surface *surface,
+                            struct cells *cells, const struct ray *ray, const int64_t at[2],
+                            const struct place *from, const struct place *to, struct hit *hit)
 {
-    struct cell cell = read_cell(cells, paged, at);
+    struct cell cell = read_cell(surface, cells, at);
     double first = clearance(datum, ray, &cell, from), last = clearance(datum, ray, &cell, to);
     double t = datum->diagonal(ray, at[0] - at[1]), t0 = from->t;
     if (first < 0) { // rounding where the walk changed cells at a vertex: the surface is here
@@ -265,11 +266,12 @@ static inline void ascend(const struct datum *datum, const struct ray *ray, stru
 }
 
 // At least the highest sample of a node.
-static inline int32_t highest(struct cells *cells, bool paged, int height, const int64_t at[2])
+static inline int32_t highest(const struct truth_surface *surface, struct cells *cells, int height,
+                              const int64_t at[2])
 {
-    const struct terrain_extrema_nodes *nodes = &cells->surface->extrema.nodes[height];
-    if (!paged) return nodes->max_q[at[1] * nodes->width + at[0]];
-    if (height >= TERRAIN_PAGE_HEIGHT) return terrain_node_max(cells->surface->terrain, height, at[0], at[1]);
+    const struct terrain_extrema_nodes *nodes = &surface->extrema.nodes[height];
+    if (!cells) return nodes->max_q[at[1] * nodes->width + at[0]];
+    if (height >= TERRAIN_PAGE_HEIGHT) return terrain_node_max(surface->terrain, height, at[0], at[1]);
     int above = TERRAIN_PAGE_HEIGHT - height;
     const struct terrain_page *page = page_at(cells, at[0] >> above, at[1] >> above);
     int64_t in_page = ((int64_t)1 << above) - 1;
@@ -278,11 +280,12 @@ static inline int32_t highest(struct cells *cells, bool paged, int height, const
 
 // Walks t0..t1 over the nodes of the extrema pyramid: down where the ray may touch what a node holds, on to
 // the next node where it cannot, up when that has another parent.
-static inline __attribute__((always_inline)) bool walk(const struct datum *datum, struct cells *cells,
-                                                       bool paged, const struct ray *ray, double t0,
+static inline __attribute__((always_inline)) bool walk(const struct datum *datum,
+                                                       const struct truth_surface *surface,
+                                                       struct cells *cells, const struct ray *ray, double t0,
                                                        double t1, struct hit *hit)
 {
-    const struct terrain_extrema *extrema = &cells->surface->extrema;
+    const struct terrain_extrema *extrema = &surface->extrema;
     int height = extrema->heights - 1;
     struct node node = {{0, 0}, {0, 0}};
     ascend(datum, ray, &node, height); // from below the root
@@ -295,13 +298,13 @@ static inline __attribute__((always_inline)) bool walk(const struct datum *datum
         double leave = axis ? node.leave[1] : node.leave[0];
         bool last = !(leave < t1);
         leave = last ? t1 : leave > at.t ? leave : at.t;
-        if (datum->lowest(ray, at.t, leave) <= highest(cells, paged, height, node.at)) {
+        if (datum->lowest(ray, at.t, leave) <= highest(surface, cells, height, node.at)) {
             if (height > 0) {
                 descend(datum, ray, &node, --height, at.t, nodes - 1);
                 continue;
             }
             struct place to = {leave, last ? -1 : axis, far_line(ray, &node, axis, 0)};
-            if (cell_hit(datum, cells, paged, ray, node.at, &at, &to, hit)) return true;
+            if (cell_hit(datum, surface, cells, ray, node.at, &at, &to, hit)) return true;
         }
         if (last) return false;
         at = (struct place){leave, axis, far_line(ray, &node, axis, height)};
@@ -344,9 +347,9 @@ static bool narrow(double origin, double direction, double low, double high, dou
 }
 
 // Height over the surface where the ray begins.
-static double first_clearance(struct cells *cells, const struct ray *ray, double t0)
+static double first_clearance(const struct truth_surface *surface, struct cells *cells, const struct ray *ray,
+                              double t0)
 {
-    const struct truth_surface *surface = cells->surface;
     double place[2];
     int64_t at[2];
     for (int k = 0; k < 2; k++) {
@@ -354,15 +357,15 @@ static double first_clearance(struct cells *cells, const struct ray *ray, double
         at[k] = (int64_t)place[k];
         if (at[k] >= surface->cells[k]) at[k] = surface->cells[k] - 1;
     }
-    struct cell cell = read_cell(cells, !surface->samples, at);
+    struct cell cell = read_cell(surface, cells, at);
     return plane_place(ray, 2, t0) - cell_height(&cell, place[0], place[1]);
 }
 
-// In cells and quanta, from t0 on.
-static bool cast(struct cells *cells, const double origin[3], const double direction[3], double t0,
-                 struct hit *hit)
+static inline __attribute__((always_inline)) bool cast_plane(const struct truth_surface *surface,
+                                                             struct cells *cells, const double origin[3],
+                                                             const double direction[3], double t0,
+                                                             struct hit *hit)
 {
-    const struct truth_surface *surface = cells->surface;
     double t1 = HUGE_VAL;
     if (surface->cells[0] < 1 || surface->cells[1] < 1) return false; // a line of samples has no triangles
     // One quantum to spare: a ray that is cut here is above all ground where it begins and below all where it
@@ -372,9 +375,29 @@ static bool cast(struct cells *cells, const double origin[3], const double direc
         if (!narrow(origin[k], direction[k], surface->clip[k], surface->clip[k + 2], &t0, &t1)) return false;
     if (!(t1 < HUGE_VAL)) return false; // no direction at all
     struct ray ray = make_ray(origin, direction);
-    if (first_clearance(cells, &ray, t0) < 0) return false;
-    return surface->samples ? walk(&plane, cells, false, &ray, t0, t1, hit)
-                            : walk(&plane, cells, true, &ray, t0, t1, hit);
+    if (first_clearance(surface, cells, &ray, t0) < 0) return false;
+    return walk(&plane, surface, cells, &ray, t0, t1, hit);
+}
+
+// Two functions, so that the one over samples in memory is as lean as if it were alone.
+static bool cast_samples(const struct truth_surface *surface, const double origin[3],
+                         const double direction[3], double t0, struct hit *hit)
+{
+    return cast_plane(surface, NULL, origin, direction, t0, hit);
+}
+
+static bool cast_pages(const struct truth_surface *surface, struct cells *cells, const double origin[3],
+                       const double direction[3], double t0, struct hit *hit)
+{
+    return cast_plane(surface, cells, origin, direction, t0, hit);
+}
+
+// In cells and quanta, from t0 on.
+static inline bool cast(const struct truth_surface *surface, struct cells *cells, const double origin[3],
+                        const double direction[3], double t0, struct hit *hit)
+{
+    return surface->samples ? cast_samples(surface, origin, direction, t0, hit)
+                            : cast_pages(surface, cells, origin, direction, t0, hit);
 }
 
 // ---- the surface --------------------------------------------------------------------------------
@@ -475,7 +498,7 @@ static bool cast_pixel(const struct casting *c, struct cells *cells, int x, int 
     struct hit hit;
     view_ray(c->view, x, y, ray_m);
     double ray[3] = {ray_m[0] / s->spacing_m[0], ray_m[1] / s->spacing_m[1], ray_m[2] / s->quantum_m};
-    if (!cast(cells, c->origin, ray, c->view->near_m, &hit)) {
+    if (!cast(s, cells, c->origin, ray, c->view->near_m, &hit)) {
         *pixel = (struct truth_pixel){0};
         return false;
     }
@@ -518,7 +541,7 @@ static bool sees_other(const struct casting *c, struct cells *cells, int x, int 
         struct hit hit;
         truth_snap_ray(c->view, x, y, k, ray);
         for (int axis = 0; axis < 3; axis++) ray[axis] /= unit_m[axis];
-        if (cast(cells, c->origin, ray, c->view->near_m, &hit) != ground) return true;
+        if (cast(s, cells, c->origin, ray, c->view->near_m, &hit) != ground) return true;
     }
     return false;
 }
@@ -527,7 +550,7 @@ static void mark_skyline(int block, void *user)
 {
     const struct casting *c = user;
     struct truth *truth = c->truth;
-    struct cells cells = {.surface = c->surface};
+    struct cells cells = {.terrain = c->surface->terrain};
     for (int y = block * ROWS_A_BLOCK; y < (block + 1) * ROWS_A_BLOCK && y < truth->height; y++)
         for (int x = 0; x < truth->width; x++) {
             struct truth_pixel *pixel = &truth->pixels[(size_t)y * (size_t)truth->width + (size_t)x];
@@ -540,7 +563,7 @@ static void cast_rows(int block, void *user)
 {
     const struct casting *c = user;
     struct truth *truth = c->truth;
-    struct cells cells = {.surface = c->surface};
+    struct cells cells = {.terrain = c->surface->terrain};
     int end = (block + 1) * ROWS_A_BLOCK;
     if (end > truth->height) end = truth->height;
     for (int y = block * ROWS_A_BLOCK; y < end; y++) {
@@ -580,8 +603,8 @@ bool truth_cast_ray(const struct truth_surface *surface, const double eye_m[3], 
                           : (eye_m[2] - surface->offset_m) / unit_m[2];
         ray[k] = direction[k] / unit_m[k];
     }
-    struct cells cells = {.surface = surface};
-    bool met = cast(&cells, origin, ray, 0, &hit);
+    struct cells cells = {.terrain = surface->terrain};
+    bool met = cast(surface, &cells, origin, ray, 0, &hit);
     terrain_page_release(surface->terrain, &cells.page);
     if (!met) return false;
     *t = hit.t;
