@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "bench/truth.h"
 
+#include "bench/truth_sphere.h"
 #include "common/parallel.h"
 #include "common/report.h"
 
@@ -17,6 +18,7 @@ static const double NEVER = 1e300;
 
 struct truth_surface {
     const struct terrain *terrain;
+    struct truth_sphere *sphere;    // owned; then nothing below is used
     struct terrain_extrema extrema; // borrowed nodes; of a terrain read on demand only their numbers
     const int32_t *samples;         // of the finest level, row 0 south; NULL: read in pages
     size_t stride;
@@ -424,13 +426,21 @@ static void count_nodes(struct terrain_extrema *extrema, const struct terrain_ex
     }
 }
 
+static struct truth_surface *create_sphere(const struct terrain *terrain)
+{
+    struct truth_surface *surface = calloc(1, sizeof *surface);
+    if (!surface) return fail("no memory for the ray caster"), NULL;
+    surface->terrain = terrain;
+    surface->sphere = truth_sphere_create(terrain);
+    if (surface->sphere) return surface;
+    free(surface);
+    return NULL;
+}
+
 struct truth_surface *truth_surface_create(const struct terrain *terrain)
 {
     const struct terrain_info *info = terrain_info(terrain);
-    if (info->datum != TERRAIN_PLANE) {
-        fail("terrain %s: the ray caster reads terrain on a plane, not on a sphere", info->name);
-        return NULL;
-    }
+    if (info->datum == TERRAIN_SPHERE) return create_sphere(terrain);
     struct terrain_level level = terrain_level(terrain, info->finest);
     const struct terrain_extent *extent = &level.extent;
     struct truth_surface *surface = calloc(1, sizeof *surface);
@@ -462,6 +472,8 @@ struct truth_surface *truth_surface_create(const struct terrain *terrain)
 
 void truth_surface_destroy(struct truth_surface *surface)
 {
+    if (!surface) return;
+    truth_sphere_destroy(surface->sphere);
     free(surface);
 }
 
@@ -531,6 +543,86 @@ void truth_snap_ray(const struct view *view, int x, int y, int ray, double direc
                            (around[ray][0] * view->right[axis] + around[ray][1] * view->up[axis]);
 }
 
+// ---- a picture of a sphere ----------------------------------------------------------------------
+
+static void to_world(const struct view *view, const double local[3], double world[3])
+{
+    for (int k = 0; k < 3; k++)
+        world[k] = local[0] * view->axes[0][k] + local[1] * view->axes[1][k] + local[2] * view->axes[2][k];
+}
+
+static bool cast_sphere(const struct casting *c, struct truth_tiles *tiles, const double ray[3],
+                        struct truth_sphere_hit *hit)
+{
+    double direction[3];
+    to_world(c->view, ray, direction);
+    return truth_sphere_cast(c->surface->sphere, tiles, c->view->eye_m, direction, c->view->near_m, hit);
+}
+
+// Slopes of the facet along the axes at the eye: where it stands upright there, as steep as a float can say.
+static void set_slope(const double normal[3], const struct view *view, float slope[2])
+{
+    double local[3];
+    for (int k = 0; k < 3; k++)
+        local[k] = normal[0] * view->axes[k][0] + normal[1] * view->axes[k][1] + normal[2] * view->axes[k][2];
+    double up = copysign(fmax(fabs(local[2]), 1e-9), local[2]);
+    for (int k = 0; k < 2; k++) slope[k] = (float)(-local[k] / up);
+}
+
+static bool cast_sphere_pixel(const struct casting *c, struct truth_tiles *tiles, int x, int y,
+                              struct truth_pixel *pixel)
+{
+    double ray[3];
+    struct truth_sphere_hit hit;
+    *pixel = (struct truth_pixel){0};
+    view_ray(c->view, x, y, ray);
+    if (!cast_sphere(c, tiles, ray, &hit)) return false;
+    pixel->depth = hit.t;
+    for (int k = 0; k < 3; k++) pixel->relative[k] = hit.t * ray[k];
+    set_slope(hit.normal, c->view, pixel->slope);
+    return true;
+}
+
+static bool sees_other_sphere(const struct casting *c, struct truth_tiles *tiles, int x, int y, bool ground)
+{
+    for (int k = 0; k < TRUTH_SNAP_RAYS; k++) {
+        double ray[3];
+        struct truth_sphere_hit hit;
+        truth_snap_ray(c->view, x, y, k, ray);
+        if (cast_sphere(c, tiles, ray, &hit) != ground) return true;
+    }
+    return false;
+}
+
+static void cast_sphere_rows(int block, void *user)
+{
+    const struct casting *c = user;
+    struct truth *truth = c->truth;
+    struct truth_tiles *tiles = truth_tiles_create(c->surface->sphere);
+    for (int y = block * ROWS_A_BLOCK; tiles && y < (block + 1) * ROWS_A_BLOCK && y < truth->height; y++) {
+        size_t ground = 0;
+        for (int x = 0; x < truth->width; x++)
+            ground += cast_sphere_pixel(c, tiles, x, y,
+                                        &truth->pixels[(size_t)y * (size_t)truth->width + (size_t)x]);
+        truth->row_first[y + 1] = ground;
+    }
+    truth_tiles_destroy(tiles);
+}
+
+static void mark_sphere_skyline(int block, void *user)
+{
+    const struct casting *c = user;
+    struct truth *truth = c->truth;
+    struct truth_tiles *tiles = truth_tiles_create(c->surface->sphere);
+    for (int y = block * ROWS_A_BLOCK; tiles && y < (block + 1) * ROWS_A_BLOCK && y < truth->height; y++)
+        for (int x = 0; x < truth->width; x++) {
+            struct truth_pixel *pixel = &truth->pixels[(size_t)y * (size_t)truth->width + (size_t)x];
+            if (borders_other(truth, x, y))
+                pixel->skyline = sees_other_sphere(c, tiles, x, y, pixel->depth > 0);
+        }
+    truth_tiles_destroy(tiles);
+}
+
 // Whether a ray next to the centre sees the other of ground and sky.
 static bool sees_other(const struct casting *c, struct cells *cells, int x, int y, bool ground)
 {
@@ -576,20 +668,46 @@ static void cast_rows(int block, void *user)
     terrain_page_release(c->surface->terrain, &cells.page);
 }
 
+static void count_rows(struct truth *truth)
+{
+    truth->row_first[0] = 0;
+    for (int y = 0; y < truth->height; y++) truth->row_first[y + 1] += truth->row_first[y];
+    truth->ground = truth->row_first[truth->height];
+}
+
 void truth_cast(struct truth *truth, const struct truth_surface *surface, const struct view *view,
                 int threads)
 {
     struct casting casting = {truth, surface, view, {0}};
+    int blocks = (truth->height + ROWS_A_BLOCK - 1) / ROWS_A_BLOCK;
+    if (surface->sphere) {
+        parallel_blocks(blocks, threads, cast_sphere_rows, &casting);
+        parallel_blocks(blocks, threads, mark_sphere_skyline, &casting);
+        count_rows(truth);
+        return;
+    }
     // The lattice gives the eye exactly, however far from the origin the map lies.
     struct view_origin origin = view_level_origin(view, surface->finest);
     for (int k = 0; k < 2; k++)
         casting.origin[k] = (double)(origin.base[k] - surface->first[k]) + (double)origin.fraction[k];
     casting.origin[2] = ldexp((double)view->eye_height, -VIEW_HEIGHT_BITS);
-    parallel_blocks((truth->height + ROWS_A_BLOCK - 1) / ROWS_A_BLOCK, threads, cast_rows, &casting);
-    parallel_blocks((truth->height + ROWS_A_BLOCK - 1) / ROWS_A_BLOCK, threads, mark_skyline, &casting);
-    truth->row_first[0] = 0;
-    for (int y = 0; y < truth->height; y++) truth->row_first[y + 1] += truth->row_first[y];
-    truth->ground = truth->row_first[truth->height];
+    parallel_blocks(blocks, threads, cast_rows, &casting);
+    parallel_blocks(blocks, threads, mark_skyline, &casting);
+    count_rows(truth);
+}
+
+// Slopes along the world's axes have no meaning on a sphere: 0.
+static bool cast_sphere_ray(const struct truth_surface *surface, const double eye_m[3],
+                            const double direction[3], double *t, float slope[2])
+{
+    struct truth_tiles *tiles = truth_tiles_create(surface->sphere);
+    struct truth_sphere_hit hit;
+    bool ground = tiles && truth_sphere_cast(surface->sphere, tiles, eye_m, direction, 0, &hit);
+    truth_tiles_destroy(tiles);
+    if (!ground) return false;
+    *t = hit.t;
+    slope[0] = slope[1] = 0;
+    return true;
 }
 
 bool truth_cast_ray(const struct truth_surface *surface, const double eye_m[3], const double direction[3],
@@ -598,6 +716,7 @@ bool truth_cast_ray(const struct truth_surface *surface, const double eye_m[3], 
     const double unit_m[3] = {surface->spacing_m[0], surface->spacing_m[1], surface->quantum_m};
     double origin[3], ray[3];
     struct hit hit;
+    if (surface->sphere) return cast_sphere_ray(surface, eye_m, direction, t, slope);
     for (int k = 0; k < 3; k++) {
         origin[k] = k < 2 ? eye_m[k] / unit_m[k] - (double)surface->first[k]
                           : (eye_m[2] - surface->offset_m) / unit_m[2];

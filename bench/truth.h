@@ -20,7 +20,7 @@
 struct truth_pixel {
     double relative[3]; // hit, relative to the eye, metres, z the surface's own; meaningful when depth > 0
     double depth;       // along forward; 0: sky
-    float slope[2];     // dz/dx, dz/dy of the triangle hit, metres per metre
+    float slope[2];     // dz/dx, dz/dy of the triangle hit, metres per metre, along the axes at the eye
     bool skyline; // the skyline passes within TRUTH_SNAP_PX of the centre: ground and sky are both right
 };
 
@@ -32,8 +32,8 @@ struct truth {
 };
 
 // How the caster reads the surface: cells of one height field.  The plane implements it over terrain_samples,
-// or page by page over a terrain that is read on demand; a sphere will over meridians and cones.  The terrain
-// is borrowed until destroy.
+// or page by page over a terrain that is read on demand; a sphere has a caster of its own (truth_sphere.h).
+// The terrain is borrowed until destroy.
 struct truth_surface;
 struct truth_surface *truth_surface_create(const struct terrain *terrain); // NULL after one line on stderr
 void truth_surface_destroy(struct truth_surface *surface);                 // accepts NULL
@@ -50,7 +50,8 @@ void truth_snap_ray(const struct view *view, int x, int y, int ray, double direc
 void truth_cast(struct truth *truth, const struct truth_surface *surface, const struct view *view,
                 int threads);
 
-// One ray from the eye; direction need not be unit.  False: sky.  *t: the hit is at eye + t * direction.
+// One ray from the eye, in the world; direction need not be unit.  False: sky.  *t: the hit is at eye + t *
+// direction.
 bool truth_cast_ray(const struct truth_surface *surface, const double eye_m[3], const double direction[3],
                     double *t, float slope[2]);
 

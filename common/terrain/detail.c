@@ -38,6 +38,17 @@ static void add_noise(const struct detail *detail, int level, int64_t x0, int64_
     }
 }
 
+void detail_refine(const struct detail *detail, int level, const int32_t *coarse, int64_t x0, int64_t y0,
+                   int width, int height, int32_t *out)
+{
+    upsample(coarse, x0, y0, width, height, out);
+    for (int j = 0; j < height; j++) {
+        int32_t *row = out + (int64_t)j * width;
+        add_noise(detail, level, x0, y0 + j, width, row);
+        for (int i = 0; i < width; i++) row[i] = limit(row[i]);
+    }
+}
+
 static void make_tile(const struct detail *detail, int level, int64_t x0, int64_t y0, int width, int height,
                       int32_t *out, int32_t *scratch)
 {
@@ -48,12 +59,7 @@ static void make_tile(const struct detail *detail, int level, int64_t x0, int64_
     int coarse_width = upsample_coarse_size(x0, width), coarse_height = upsample_coarse_size(y0, height);
     make_tile(detail, level + 1, (x0 >> 1) - 1, (y0 >> 1) - 1, coarse_width, coarse_height, scratch,
               scratch + coarse_width * coarse_height);
-    upsample(scratch, x0, y0, width, height, out);
-    for (int j = 0; j < height; j++) {
-        int32_t *row = out + (int64_t)j * width;
-        add_noise(detail, level, x0, y0 + j, width, row);
-        for (int i = 0; i < width; i++) row[i] = limit(row[i]);
-    }
+    detail_refine(detail, level, scratch, x0, y0, width, height, out);
 }
 
 void detail_window(const struct detail *detail, int level, int64_t x0, int64_t y0, int width, int height,

@@ -21,6 +21,11 @@ struct detail {
 void detail_window(const struct detail *detail, int level, int64_t x0, int64_t y0, int width, int height,
                    int32_t *out);
 
+// The step from a level to the next finer one: U of `coarse` (as upsample() takes it) plus the noise of
+// `level`.
+void detail_refine(const struct detail *detail, int level, const int32_t *coarse, int64_t x0, int64_t y0,
+                   int width, int height, int32_t *out);
+
 // How far the finest of `levels` synthesised levels may leave the range of the stored samples about it, as
 // quanta for noise (the largest deviate there is) and as a share of the range for U (numerics.md, B11).
 double detail_noise_limit(const struct detail *detail, int levels);

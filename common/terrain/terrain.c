@@ -445,6 +445,11 @@ int32_t terrain_node_max(const struct terrain *terrain, int height, int64_t i, i
     return paged_node_max(terrain->paged, height, i, j);
 }
 
+const struct detail *terrain_detail(const struct terrain *terrain)
+{
+    return is_sphere(terrain) ? &terrain->detail : NULL;
+}
+
 // Cell and fraction of a place along one axis; a place on the last sample belongs to the cell before it.
 static int64_t cell_of(double place_m, double spacing_m, int64_t first, int64_t end, double *fraction)
 {

@@ -23,6 +23,7 @@
 #include <stdint.h>
 
 struct terrain;
+struct detail;
 
 enum terrain_datum { TERRAIN_PLANE, TERRAIN_SPHERE };
 enum terrain_wait { TERRAIN_WAIT, TERRAIN_TRY };
@@ -176,6 +177,9 @@ void terrain_page_release(const struct terrain *terrain, struct terrain_page *pa
 // At least the highest sample of node (i, j) of a height from TERRAIN_PAGE_HEIGHT up, as terrain_extrema
 // counts them.
 int32_t terrain_node_max(const struct terrain *terrain, int height, int64_t i, int64_t j);
+
+// What the synthesised levels of a sphere are made of (detail.h); NULL on the plane.
+const struct detail *terrain_detail(const struct terrain *terrain);
 
 // Height in quanta of the truth (finest level, piecewise linear, double) at a place in metres.
 // False outside the outline.  `slope` (may be NULL) receives dz/dx and dz/dy of the triangle, in quanta per

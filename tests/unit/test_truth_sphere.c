@@ -1,0 +1,215 @@
+// The ray caster on a sphere, against a march along the ray and against the sphere itself.
+// SPDX-License-Identifier: MIT
+#include "bench/truth.h"
+#include "bench/truth_sphere.h"
+#include "common/scene/scene.h"
+#include "tests/test.h"
+
+#include <string.h>
+#include <time.h>
+
+static const double RADIUS = 6371007, DEGREE = M_PI / 180;
+
+enum { W = 96, H = 49 };
+
+static struct terrain *planet(double relief_m, int finer)
+{
+    static int32_t samples[W * H];
+    for (int k = 0; k < W * H; k++) {
+        double longitude = 2 * M_PI * (k % W - W / 2) / W, latitude = M_PI * (k / W) / (H - 1) - M_PI / 2;
+        double x = cos(latitude) * cos(longitude), y = cos(latitude) * sin(longitude), z = sin(latitude);
+        samples[k] =
+            (int32_t)lrint(relief_m * (sin(9 * x + 2 * y) * cos(7 * z - y) + 0.3 * sin(25 * x * y + 20 * z)));
+    }
+    struct terrain_grid grid = {.name = "planet",
+                                .samples = samples,
+                                .width = W,
+                                .height = H,
+                                .first = {-W / 2, 0},
+                                .spacing_m = {1, 1},
+                                .quantum_m = 1};
+    struct terrain_options options = {.radius_m = RADIUS, .synthesize_levels = finer, .seed = 3};
+    return terrain_from_grid(&grid, &options);
+}
+
+// Height of the ray over the surface, metres.
+static double over_ground(const struct terrain *terrain, const double origin[3], const double direction[3],
+                          double t)
+{
+    const struct terrain_info *info = terrain_info(terrain);
+    double world[3], place[3], q = 0;
+    for (int k = 0; k < 3; k++) world[k] = origin[k] + t * direction[k];
+    terrain_place_from_world(terrain, world, place);
+    assert_true(terrain_truth_at(terrain, place[0], place[1], &q, NULL));
+    return place[2] - (q * info->quantum_m + info->offset_m);
+}
+
+// An origin over ground and a unit direction, of many kinds: over poles, in meridian planes, along parallels,
+// near the seam, grazing.
+static void random_ray(const struct terrain *terrain, uint64_t *seed, int kind, double top_m,
+                       double origin[3], double direction[3])
+{
+    double place[3] = {test_uniform(seed, -M_PI, M_PI) * RADIUS, asin(test_uniform(seed, -1, 1)) * RADIUS,
+                       top_m * exp(test_uniform(seed, 0, 4))};
+    double axes[3][3], length = 0;
+    if (kind % 6 == 1) place[1] = (kind % 4 < 2 ? 1 : -1) * (M_PI / 2 - test_uniform(seed, 0, 1e-3)) * RADIUS;
+    if (kind % 6 == 2) place[0] = M_PI * RADIUS + test_uniform(seed, -1e4, 1e4);
+    terrain_world_from_place(terrain, place, origin);
+    terrain_axes(terrain, place, axes);
+    double yaw = test_uniform(seed, -M_PI, M_PI), pitch = -exp(test_uniform(seed, log(1e-3), log(1.5)));
+    if (kind % 6 == 3) yaw = kind % 4 < 2 ? M_PI / 2 : -M_PI / 2; // over a pole
+    if (kind % 6 == 4) yaw = kind % 4 < 2 ? 0 : M_PI;
+    if (kind % 6 == 5) { // just over the horizon of the lowest ground
+        double dip = acos(RADIUS / (RADIUS + place[2]));
+        pitch = -dip - test_uniform(seed, -2e-3, 2e-2);
+    }
+    double local[3] = {cos(yaw) * cos(pitch), sin(yaw) * cos(pitch), sin(pitch)};
+    for (int k = 0; k < 3; k++) {
+        direction[k] = local[0] * axes[0][k] + local[1] * axes[1][k] + local[2] * axes[2][k];
+        length += direction[k] * direction[k];
+    }
+    for (int k = 0; k < 3; k++) direction[k] /= sqrt(length);
+}
+
+// Marches from 0 to `end`: the first time below ground at steps of `step`, or -1.
+static double march(const struct terrain *terrain, const double origin[3], const double direction[3],
+                    double step, double end)
+{
+    for (double t = 0; t <= end; t += step)
+        if (over_ground(terrain, origin, direction, t) < 0) return t;
+    return -1;
+}
+
+// Every hit is on the surface, the ray is over ground before it, and a march finds no earlier one.
+static void hits_are_the_first(void **state)
+{
+    (void)state;
+    for (int finer = 0; finer <= 3; finer += 3) {
+        struct terrain *terrain = planet(3e4, finer);
+        struct truth_sphere *sphere = truth_sphere_create(terrain);
+        struct truth_tiles *tiles = truth_tiles_create(sphere);
+        uint64_t seed = 7 + (uint64_t)finer;
+        int hits = 0, missed = 0, count = test_size(1200, 60000);
+        double worst_m = 0, highest = terrain_level(terrain, terrain_info(terrain)->finest).max_q *
+                                          terrain_info(terrain)->quantum_m +
+                                      terrain_info(terrain)->offset_m;
+        for (int k = 0; k < count; k++) {
+            double origin[3], direction[3];
+            struct truth_sphere_hit hit = {0};
+            random_ray(terrain, &seed, k, highest, origin, direction);
+            bool ground = truth_sphere_cast(sphere, tiles, origin, direction, 0, &hit);
+            double reach = 2 * sqrt(origin[0] * origin[0] + origin[1] * origin[1] + origin[2] * origin[2]);
+            double end = ground ? hit.t : reach, step = end / 400;
+            double before = march(terrain, origin, direction, step, end - 1e-6 * reach);
+            missed += before >= 0;
+            if (!ground) continue;
+            hits++;
+            worst_m = fmax(worst_m, fabs(over_ground(terrain, origin, direction, hit.t)));
+            double facing = 0;
+            for (int axis = 0; axis < 3; axis++) facing += hit.normal[axis] * direction[axis];
+            assert_true(facing <= 1e-6); // it comes down through the surface
+        }
+        FIGURE("sphere caster, %d finer levels: %d of %d rays hit, at most %.1e m off the surface, %d came "
+               "too late",
+               finer, hits, count, worst_m, missed);
+        assert_true(hits > count / 5);
+        assert_int_equal(missed, 0);
+        // Place and time are rounded at 2^-52 of the planet's radius and some of its multiples (1.4e-9 m
+        // each); slopes of up to 1 and the radius' own rounding add as much.
+        assert_true(worst_m < 1e-6);
+        truth_tiles_destroy(tiles);
+        truth_sphere_destroy(sphere);
+        terrain_destroy(terrain);
+    }
+}
+
+// On a planet without relief, every facet is the sphere.
+static void a_flat_planet_is_a_sphere(void **state)
+{
+    (void)state;
+    struct terrain *terrain = planet(0, 0);
+    struct truth_sphere *sphere = truth_sphere_create(terrain);
+    struct truth_tiles *tiles = truth_tiles_create(sphere);
+    uint64_t seed = 11;
+    int wrong = 0, close = 0;
+    double worst_m = 0;
+    for (int k = 0; k < test_size(20000, 1000000); k++) {
+        double origin[3], direction[3], p = 0, e = 0;
+        struct truth_sphere_hit hit;
+        random_ray(terrain, &seed, k, k % 3 ? 1.7 : 1e6, origin, direction);
+        bool ground = truth_sphere_cast(sphere, tiles, origin, direction, 0, &hit);
+        for (int axis = 0; axis < 3; axis++)
+            p += origin[axis] * direction[axis], e += origin[axis] * origin[axis];
+        double least = sqrt(e - p * p);
+        if (fabs(least - RADIUS) < 1e-6) {
+            close++;
+            continue;
+        }
+        bool meets = least < RADIUS && p < 0;
+        wrong += meets != ground;
+        if (!ground || !meets) continue;
+        double radius = 0;
+        for (int axis = 0; axis < 3; axis++) radius += pow(origin[axis] + hit.t * direction[axis], 2);
+        worst_m = fmax(worst_m, fabs(sqrt(radius) - RADIUS));
+    }
+    FIGURE("sphere caster on a flat planet: %d wrong, at most %.1e m off, %d too close to call", wrong,
+           worst_m, close);
+    assert_int_equal(wrong, 0);
+    assert_true(worst_m < 1e-7); // some 100 roundings of the radius
+    truth_tiles_destroy(tiles);
+    truth_sphere_destroy(sphere);
+    terrain_destroy(terrain);
+}
+
+// Tiles are a cache: a picture is the same with any number of threads, and detail under the eye is seen.
+static void pictures_of_a_walk(void **state)
+{
+    (void)state;
+    struct terrain *terrain = planet(5e3, 14);
+    struct truth_surface *surface = truth_surface_create(terrain);
+    struct truth one, two;
+    truth_init(&one, 80, 60);
+    truth_init(&two, 80, 60);
+    static const double PLACES[4][2] = {{10, 45}, {0, 89.9}, {179.99999, -20}, {-30, -89.9}};
+    for (int k = 0; k < 4; k++) {
+        double q, place[3] = {PLACES[k][0] * DEGREE * RADIUS, PLACES[k][1] * DEGREE * RADIUS, 0};
+        terrain_truth_at(terrain, place[0], place[1], &q, NULL);
+        const struct terrain_info *info = terrain_info(terrain);
+        struct camera camera = {
+            {place[0], place[1], q * info->quantum_m + info->offset_m + 1.7}, 0.6 + k, -0.1, 0, 60 * DEGREE};
+        struct view view;
+        view_init(&view, terrain, &camera, 80, 60, 0);
+        clock_t start = clock();
+        truth_cast(&one, surface, &view, 1);
+        double us = (double)(clock() - start) / CLOCKS_PER_SEC * 1e6 / (80 * 60);
+        truth_cast(&two, surface, &view, 3);
+        assert_memory_equal(one.pixels, two.pixels, 80 * 60 * sizeof *one.pixels);
+        double worst = 0;
+        for (int p = 0; p < 80 * 60; p++) {
+            const struct truth_pixel *pixel = &one.pixels[p];
+            if (!(pixel->depth > 0)) continue;
+            double world[3], at[3], ground = 0;
+            view_world(&view, pixel->relative, world);
+            terrain_place_from_world(terrain, world, at);
+            terrain_truth_at(terrain, at[0], at[1], &ground, NULL);
+            worst = fmax(worst, fabs(at[2] - (ground * info->quantum_m + info->offset_m)));
+        }
+        FIGURE("a walk at %g, %g: %d of 4800 pixels see ground, %.1f us a pixel, at most %.1e m off",
+               PLACES[k][0], PLACES[k][1], (int)one.ground, us, worst);
+        assert_true(one.ground > 1000 && worst < 1e-5); // steep noise makes much of a nanometre aside
+    }
+    truth_finish(&one);
+    truth_finish(&two);
+    truth_surface_destroy(surface);
+    terrain_destroy(terrain);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_flat_planet_is_a_sphere),
+        cmocka_unit_test(hits_are_the_first),
+        cmocka_unit_test(pictures_of_a_walk),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
