@@ -82,9 +82,6 @@ bool papers_pgm_rates(struct papers *papers, struct papers_table *table)
                 "words of shading of the level, the second those of its parent; the many textures are of "
                 "heights and of shading, two fetches, as the last columns' atlas, which compare times.",
                 papers->width, papers->height, gpu_info(papers->gpu)->renderer);
-    papers_note(table, "Rasterisers that share pixels out to threads fall off less with triangles than the "
-                       "paper's vertex processor; a branch a level costs them little, as neighbours mostly "
-                       "take the same one.");
     return true;
 }
 

@@ -10,16 +10,25 @@
 
 enum { HEAVY_TRIANGLES = 3000000, HEAVY_FRAMES = 4 };
 
-// "clipmap n=127": the quality knob first, then every knob that is off its default.
+static bool has_preset(const struct renderer_type *type, const double *knobs)
+{
+    int preset = type->preset_knob ? renderer_knob_index(type, type->preset_knob) : -1;
+    return preset >= 0 && knobs[preset] != type->knobs[preset].fallback;
+}
+
+// "clipmap n=127": the quality knob first, unless a preset stands in for it, then every knob that is off its
+// default.
 static void name_setting(struct setting *setting)
 {
     const struct renderer_type *type = setting->type;
+    bool preset = has_preset(type, setting->knobs);
     char text[64];
     size_t length = (size_t)snprintf(setting->id, sizeof setting->id, "%s", type->name);
     for (int pass = 0; pass < 2; pass++)
         for (int k = 0; type->knobs[k].name; k++) {
             bool quality = type->quality_knob && strcmp(type->knobs[k].name, type->quality_knob) == 0;
-            if (quality != (pass == 0) || (!quality && setting->knobs[k] == type->knobs[k].fallback))
+            if (quality != (pass == 0) || (quality && preset) ||
+                (!quality && setting->knobs[k] == type->knobs[k].fallback))
                 continue;
             renderer_format_knob(&type->knobs[k], setting->knobs[k], text);
             if (length < sizeof setting->id)
@@ -50,9 +59,7 @@ static bool add_sweep(struct run *run, const struct renderer_type *type, double 
 {
     const double *values = strcmp(run->options.sweep, "full") == 0 ? type->full : type->quick;
     int index = type->quality_knob ? renderer_knob_index(type, type->quality_knob) : -1;
-    int preset = type->preset_knob ? renderer_knob_index(type, type->preset_knob) : -1;
-    bool fixed = preset >= 0 && knobs[preset] != type->knobs[preset].fallback;
-    if (index < 0 || !values || fixed) return add_setting(run, type, knobs);
+    if (index < 0 || !values || has_preset(type, knobs)) return add_setting(run, type, knobs);
     for (; !isnan(*values); values++) {
         knobs[index] = *values;
         if (!add_setting(run, type, knobs)) return false;
