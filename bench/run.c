@@ -80,9 +80,9 @@ static int fly_and_write(struct run *run)
 {
     const struct run_options *options = &run->options;
     char default_out[256];
-    if (!plan_settings(run)) return EXIT_COMMAND_LINE;
+    if (options->renderers && !plan_settings(run)) return EXIT_COMMAND_LINE;
     run->scene = scene_load(options->scene, options->terrain, options->size[0], options->size[1]);
-    if (!run->scene) return EXIT_WORLD;
+    if (!run->scene || (!options->renderers && !plan_settings(run))) return EXIT_WORLD;
     if (!options->out) {
         snprintf(default_out, sizeof default_out, "reports/%s", run->scene->name);
         run->options.out = default_out;
