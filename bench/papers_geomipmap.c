@@ -81,11 +81,11 @@ bool papers_geomipmap_rate(struct papers *papers, struct papers_table *table)
                 {"17 x 17, tau 3", NAN, NAN, NAN},
                 {"17 x 17, tau 1, distant tiles merged", NAN, NAN, NAN}};
     struct papers_flight flights[] = {
-        {.type = &geomipmap_renderer, .knobs = {"merge", "0"}},
-        {.type = &geomipmap_renderer, .knobs = {"merge", "0", "borders", "regions"}},
+        {.type = &geomipmap_renderer, .knobs = {"heights", "samples", "merge", "0"}},
+        {.type = &geomipmap_renderer, .knobs = {"heights", "samples", "merge", "0", "borders", "regions"}},
         {.type = &geomipmap_renderer, .knobs = {"borders", "remove"}},
-        {.type = &geomipmap_renderer, .knobs = {"merge", "0", "patch", "33"}},
-        {.type = &geomipmap_renderer, .knobs = {"merge", "0", "tau", "3"}},
+        {.type = &geomipmap_renderer, .knobs = {"heights", "samples", "merge", "0", "patch", "33"}},
+        {.type = &geomipmap_renderer, .knobs = {"heights", "samples", "merge", "0", "tau", "3"}},
         {.type = &geomipmap_renderer},
     };
     enum { COUNT = sizeof rows / sizeof rows[0] };

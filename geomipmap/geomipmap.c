@@ -10,12 +10,14 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 enum {
     KNOB_TAU,
     KNOB_PATCH,
     KNOB_MERGE,
     KNOB_METRIC,
+    KNOB_HEIGHTS,
     KNOB_DELTA,
     KNOB_BORDERS,
     KNOB_INDICES,
@@ -29,6 +31,8 @@ enum {
     KNOB_CACHE
 };
 
+enum { HEIGHTS_SAMPLES, HEIGHTS_LEVELS };
+
 static const struct renderer_knob knobs[] = {
     {"tau", "screen-space error allowed, px: more is faster", 1, 0, 1e6, NULL},
     {"patch", "samples on a side of a tile: large tiles cost fewer draws and more triangles", 1, 0, 3,
@@ -40,6 +44,10 @@ static const struct renderer_knob knobs[] = {
      "least "
      "mean error for the triangles, which claims nothing",
      GEOMIPMAP_SAFE, 0, 3, "paper|depth|safe|mean"},
+    {"heights",
+     "what coarse levels draw: samples of the finest level, or the filtered levels of the pyramid, which are "
+     "nearer to the ground; morphing and removed vertices need samples",
+     HEIGHTS_LEVELS, 0, 1, "samples|levels"},
     {"delta", "error of a tile: as published, or with the borders that finer neighbours ask for",
      GEOMIPMAP_STABLE, 0, 1, "published|stable"},
     {"borders",
@@ -117,9 +125,12 @@ struct geomipmap {
 
     struct geomipmap_program programs[PASS_COUNT];
     GLuint vertex_array, indices, vertices, places, places_texture, heights_texture;
-    int room;             // slots in `vertices` and `places`
-    int tile_vertices;    // in a slot
-    size_t vertex_bytes;  // 2, or 4 for terrain whose tiles need more than 16 bits
+    int room;                     // slots in `vertices` and `places`
+    int tile_vertices;            // in a slot
+    size_t vertex_bytes;          // 2, or 4 for terrain whose tiles need more than 16 bits
+    struct geomipmap_form *forms; // by slot: of filtered tiles, that of the heights in it
+    int form_room;                // slots in it
+    uint64_t reformed;    // slots written anew this frame because a neighbour's step changed, or their own
     int32_t *heights;     // of one tile
     uint16_t *heights_16; // the same, above its base
 };
@@ -166,6 +177,7 @@ static void resize_slots(struct geomipmap *g, int room)
 static void copy_slot(struct geomipmap *g, int from, int to)
 {
     const GLuint buffers[2] = {g->vertices, g->places};
+    if (g->tiles.filtered) g->forms[to] = g->forms[from];
     const size_t bytes[2] = {(size_t)g->tile_vertices * g->vertex_bytes, sizeof(struct texel)};
     for (int i = 0; i < 2; i++) {
         glBindBuffer(GL_COPY_READ_BUFFER, buffers[i]);
@@ -175,14 +187,16 @@ static void copy_slot(struct geomipmap *g, int from, int to)
     }
 }
 
-static void upload_tile(struct geomipmap *g, struct geomipmap_place place, int slot)
+static void upload_tile(struct geomipmap *g, const struct geomipmap_pick *pick, int slot)
 {
     const struct geomipmap_tiles *tiles = &g->tiles;
+    struct geomipmap_place place = pick->place;
     int size = 1 << (tiles->bits + place.height);
     struct texel texel = {.cell = {place.column * size, place.row * size}, .height = place.height};
     size_t bytes = (size_t)g->tile_vertices * g->vertex_bytes;
     const void *data = g->heights;
-    geomipmap_tiles_read(tiles, place, g->heights);
+    geomipmap_tiles_read(tiles, place, tiles->filtered ? &pick->form : NULL, g->heights);
+    if (tiles->filtered) g->forms[slot] = pick->form;
     if (!tiles->wide) {
         texel.base = geomipmap_tiles_range(tiles, place).low;
         for (int i = 0; i < g->tile_vertices; i++) g->heights_16[i] = (uint16_t)(g->heights[i] - texel.base);
@@ -230,6 +244,16 @@ static bool reserve_morphs(struct geomipmap *g, struct geomipmap_view *view)
     return true;
 }
 
+static bool reserve_forms(struct geomipmap *g)
+{
+    if (!g->tiles.filtered || g->form_room >= g->room) return true;
+    struct geomipmap_form *forms = realloc(g->forms, (size_t)g->room * sizeof *forms);
+    if (!forms) return fail("geomipmap: no memory for the forms of %d tiles", g->room);
+    g->forms = forms;
+    g->form_room = g->room;
+    return true;
+}
+
 static void upload_morphs(struct geomipmap *g, struct geomipmap_view *view)
 {
     size_t bytes = (size_t)g->cache.slot_count * sizeof *view->morphs;
@@ -241,6 +265,21 @@ static void upload_morphs(struct geomipmap *g, struct geomipmap_view *view)
     glTexBuffer(GL_TEXTURE_BUFFER, GL_RGBA32F, view->morph_buffer);
 }
 
+// Two views may see a filtered tile in different forms: each has its own.
+static int slot_key(const struct geomipmap *g, const struct geomipmap_view *view,
+                    const struct geomipmap_pick *pick)
+{
+    int number = geomipmap_tiles_number(&g->tiles, pick->place);
+    return g->tiles.filtered ? (int)(view - g->views) * g->tiles.drawable + number : number;
+}
+
+static bool changed_form(struct geomipmap *g, const struct geomipmap_pick *pick, int slot)
+{
+    if (!g->tiles.filtered || memcmp(&g->forms[slot], &pick->form, sizeof pick->form) == 0) return false;
+    g->reformed++;
+    return true;
+}
+
 // Makes sure that picks from `start` are in the buffer and fills the view's list with their draws.  Returns
 // the number of picks done: all, or as many as the cache takes in one batch.
 static int gather(struct geomipmap *g, struct geomipmap_view *view, int start)
@@ -250,12 +289,11 @@ static int gather(struct geomipmap *g, struct geomipmap_view *view, int start)
     for (; start + done < view->drawn; done++) {
         const struct geomipmap_pick *pick = &view->selection.picks[start + done];
         int slot;
-        enum geomipmap_found found =
-            geomipmap_cache_find(&g->cache, geomipmap_tiles_number(&g->tiles, pick->place), &slot);
+        enum geomipmap_found found = geomipmap_cache_find(&g->cache, slot_key(g, view, pick), &slot);
         if (found == GEOMIPMAP_FULL) break;
         if (slot >= g->room) resize_slots(g, g->room + g->room / 4);
-        if (!reserve_morphs(g, view)) break;
-        if (found == GEOMIPMAP_MISS) upload_tile(g, pick->place, slot);
+        if (!reserve_forms(g) || !reserve_morphs(g, view)) break;
+        if (found == GEOMIPMAP_MISS || changed_form(g, pick, slot)) upload_tile(g, pick, slot);
         add_draws(g, view, pick, slot);
         if (g->choice.morph) set_morph(view, pick, slot);
     }
@@ -275,6 +313,7 @@ static void begin_frame(struct renderer *renderer, int frame)
     g->counts_before = g->cache.counts;
     g->loads_before = g->shading.light.loads + g->shading.colour.loads;
     g->view_count = 0;
+    g->reformed = 0;
     g->streamed = false;
     if (geomipmap_cache_begin_frame(&g->cache, &from, &to)) copy_slot(g, from, to);
     if (g->room > FIRST_ROOM && g->cache.slot_count < g->room / 4) resize_slots(g, g->room / 2);
@@ -437,6 +476,7 @@ static size_t tile_bytes(const struct geomipmap *g)
     for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {
         const struct geomipmap_view *view = &g->views[i];
         bytes +=
+            (size_t)g->form_room * sizeof *g->forms / RENDERER_MAX_VIEWS +
             geomipmap_selection_bytes(&view->selection, &g->tiles) +
             (size_t)view->room * (sizeof *view->counts + sizeof *view->first + sizeof *view->base_vertex) +
             (size_t)view->morph_room * sizeof *view->morphs;
@@ -476,6 +516,7 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
                      {"grown", (double)(now->grown - before->grown)},
                      {"shrunk", (double)(now->shrunk - before->shrunk)},
                      {"slots", g->cache.slot_count},
+                     {"reformed", (double)g->reformed},
                      {"height_bytes", (double)g->vertex_bytes},
                      {"index_bytes", (double)(g->mesh.index_count * sizeof *g->mesh.indices)},
                      {"tile_bytes_a_sample", (double)own / samples},
@@ -569,6 +610,7 @@ static void destroy(struct renderer *renderer)
         glDeleteBuffers(1, &g->views[i].morph_buffer);
         glDeleteTextures(1, &g->views[i].morph_texture);
     }
+    free(g->forms);
     free(g->heights);
     free(g->heights_16);
     geomipmap_shading_finish(&g->shading);
@@ -603,12 +645,16 @@ static bool init(struct geomipmap *g, const struct renderer_desc *desc)
     if (g->choice.metric == GEOMIPMAP_MEAN) delta = GEOMIPMAP_SAVING;
     int merge = (int)desc->knobs[KNOB_MERGE], most = GEOMIPMAP_MAX_EXTENT - bits;
     if (g->choice.borders == GEOMIPMAP_REMOVE) merge = 0;
+    bool filtered = desc->knobs[KNOB_HEIGHTS] == HEIGHTS_LEVELS && !g->choice.morph &&
+                    g->choice.borders != GEOMIPMAP_REMOVE;
     if (!geomipmap_mesh_init(&g->mesh, bits, g->choice.borders, desc->knobs[KNOB_INDICES] != 0) ||
-        !geomipmap_tiles_init(&g->tiles, desc->terrain, bits, merge < most ? merge : most, delta, 0))
+        !geomipmap_tiles_init(&g->tiles, desc->terrain, bits, merge < most ? merge : most, delta, filtered,
+                              0))
         return false;
     g->tile_vertices = ((1 << bits) + 1) * ((1 << bits) + 1);
     g->vertex_bytes = g->tiles.wide ? sizeof(int32_t) : sizeof(uint16_t);
-    if (!geomipmap_cache_init(&g->cache, g->tiles.drawable, most_slots(g, desc->knobs[KNOB_CACHE])) ||
+    if (!geomipmap_cache_init(&g->cache, g->tiles.drawable * (filtered ? RENDERER_MAX_VIEWS : 1),
+                              most_slots(g, desc->knobs[KNOB_CACHE])) ||
         !allocate(g) || (g->own_shading && !init_shading(g, desc)) || !build_programs(g, desc->effects))
         return false;
     if (g->own_shading) geomipmap_shading_use_program(&g->shading, g->programs[PASS_SHADED].program.name);

@@ -229,42 +229,138 @@ static void measure_probes(const struct geomipmap_probe *probe, const struct geo
     memcpy(largest, most, sizeof most);
 }
 
-// The least float that is not below a non-negative number.
-static float round_up(double value)
+size_t geomipmap_level_first(int bits, int level)
 {
-    float rounded = (float)value;
-    return (double)rounded < value ? nextafterf(rounded, FLT_MAX) : rounded;
+    size_t first = 0;
+    for (int l = 0; l < level; l++) {
+        size_t row = ((size_t)1 << (bits - l)) + 1;
+        first += row * row;
+    }
+    return first;
 }
 
-// Mean distance of both surfaces over the samples of each tile, where every 2^shift-th sample is drawn.
-static void mean_distance(const struct geomipmap_plan *plan, int shift, const double *heights,
-                          double mean[GEOMIPMAP_LANES])
+// ---- vertices off their samples -----------------------------------------------------------------
+
+// Makes low .. high cover z_low .. z_high.
+static void widen(const double *z_low, const double *z_high, double *low, double *high)
 {
-    int side = 1 << (plan->bits + plan->height), row = side + 1, step = 1 << shift;
+    for (int lane = 0; lane < GEOMIPMAP_LANES; lane++) {
+        low[lane] = z_low[lane] < low[lane] ? z_low[lane] : low[lane];
+        high[lane] = z_high[lane] > high[lane] ? z_high[lane] : high[lane];
+    }
+}
+
+// Lowest and highest place of one vertex of a level, numbered (a, b) in the tile.  borders: finer levels,
+// too.
+static void bound_vertex(const struct geomipmap_plan *plan, const struct geomipmap_heights *heights, int a,
+                         int b, bool borders, int level, double largest[GEOMIPMAP_LANES])
+{
+    size_t row = ((size_t)1 << (plan->bits + plan->height)) + 1;
+    size_t at = (((size_t)b << plan->height) * row + ((size_t)a << plan->height)) * GEOMIPMAP_LANES;
+    double *low = heights->low + at, *high = heights->high + at;
+    for (int lane = 0; lane < GEOMIPMAP_LANES; lane++) low[lane] = INFINITY, high[lane] = -INFINITY;
+    for (int l = borders ? 0 : level; l <= level && ((a | b) & ((1 << l) - 1)) == 0; l++) {
+        size_t across = ((size_t)1 << (plan->bits - l)) + 1;
+        size_t vertex = geomipmap_level_first(plan->bits, l) + (size_t)(b >> l) * across + (size_t)(a >> l);
+        const double *z = heights->drawn + vertex * GEOMIPMAP_LANES;
+        widen(z, z, low, high);
+    }
+    int last = (1 << plan->bits) - 1;
+    if (borders && (a & last) == 0 && (b & last) == 0) {
+        size_t corner = (size_t)((a > 0) + 2 * (b > 0)) * GEOMIPMAP_LANES;
+        widen(heights->corner_low + corner, heights->corner_high + corner, low, high);
+    }
+    for (int lane = 0; lane < GEOMIPMAP_LANES; lane++) {
+        double z = heights->finest[at + (size_t)lane], below = z - low[lane], above = high[lane] - z;
+        double distance = below > above ? below : above; // NAN is larger than nothing
+        largest[lane] = distance > largest[lane] ? distance : largest[lane];
+    }
+}
+
+static void bound_vertices(const struct geomipmap_plan *plan, const struct geomipmap_heights *heights,
+                           int level, bool borders, double largest[GEOMIPMAP_LANES])
+{
+    int last = 1 << plan->bits, step = 1 << level;
+    for (int b = 0; b <= last; b++)
+        for (int a = 0; a <= last; a++) {
+            bool border = a == 0 || b == 0 || a == last || b == last;
+            if (borders && border)
+                bound_vertex(plan, heights, a, b, true, level, largest);
+            else if (((a | b) & (step - 1)) == 0)
+                bound_vertex(plan, heights, a, b, false, level, largest);
+        }
+}
+
+// The same as measure_probes, over all places of the vertices.  Weights of the finest surface are positive.
+static void measure_places(const struct geomipmap_probe *probe, const struct geomipmap_probe *end,
+                           const struct geomipmap_heights *heights, double largest[GEOMIPMAP_LANES])
+{
+    for (; probe < end; probe++) {
+        double above[GEOMIPMAP_LANES] = {0},
+               below[GEOMIPMAP_LANES] = {0}; // the finest surface over the drawn
+        for (int n = 0; n < 4; n++) {
+            size_t at = (size_t)probe->vertex[n] * GEOMIPMAP_LANES;
+            bool finest = probe->weight[n] >= 0;
+            const double *low = (finest ? heights->finest : heights->low) + at;
+            const double *high = (finest ? heights->finest : heights->high) + at;
+            for (int lane = 0; lane < GEOMIPMAP_LANES; lane++) {
+                above[lane] += probe->weight[n] * low[lane];
+                below[lane] -= probe->weight[n] * high[lane];
+            }
+        }
+        for (int lane = 0; lane < GEOMIPMAP_LANES; lane++) {
+            double distance = above[lane] > below[lane] ? above[lane] : below[lane];
+            largest[lane] = distance > largest[lane] ? distance : largest[lane];
+        }
+    }
+}
+
+// ---- mean distance ------------------------------------------------------------------------------
+
+struct drawn { // every 2^shift-th sample of a tile, `row` in a row
+    const double *heights;
+    int row, shift;
+};
+
+// Mean distance of both surfaces over the samples of each tile, where every 2^shift-th sample is drawn.
+static void mean_distance(const struct geomipmap_plan *plan, int shift, const double *finest,
+                          struct drawn drawn, double mean[GEOMIPMAP_LANES])
+{
+    int side = 1 << (plan->bits + plan->height), step = 1 << shift;
     double sum[GEOMIPMAP_LANES] = {0};
+    int next = (step >> drawn.shift) * GEOMIPMAP_LANES, up = next * drawn.row;
     for (int j = 0; j < side; j++)
         for (int i = 0; i < side; i++) {
             int u = i & (step - 1), v = j & (step - 1), least = u < v ? u : v;
-            const double *h = heights + (j * row + i) * GEOMIPMAP_LANES;
-            const double *sw = h - (v * row + u) * GEOMIPMAP_LANES;
-            const double *ne = sw + step * (row + 1) * GEOMIPMAP_LANES;
-            const double *third = sw + step * (u > v ? 1 : row) * GEOMIPMAP_LANES;
+            const double *h = finest + (j * (side + 1) + i) * GEOMIPMAP_LANES;
+            const double *sw =
+                drawn.heights +
+                (((j - v) >> drawn.shift) * drawn.row + ((i - u) >> drawn.shift)) * GEOMIPMAP_LANES;
+            const double *ne = sw + next + up, *third = sw + (u > v ? next : up);
             double w_ne = (double)least / step, w_third = (double)abs(u - v) / step,
                    w_sw = 1 - w_ne - w_third;
-            for (int lane = 0; lane < GEOMIPMAP_LANES; lane++)
-                sum[lane] += fabs(w_sw * sw[lane] + w_ne * ne[lane] + w_third * third[lane] - h[lane]);
+            for (int lane = 0; lane < GEOMIPMAP_LANES; lane++) {
+                double d = fabs(w_sw * sw[lane] + w_ne * ne[lane] + w_third * third[lane] - h[lane]);
+                sum[lane] += d == d ? d : 0; // outside the map
+            }
         }
     for (int lane = 0; lane < GEOMIPMAP_LANES; lane++) mean[lane] = sum[lane] / ((double)side * side);
 }
 
-static void measure_savings(const struct geomipmap_plan *plan, const double *heights,
+static void measure_savings(const struct geomipmap_plan *plan, const struct geomipmap_heights *heights,
                             float saving[GEOMIPMAP_LANES][GEOMIPMAP_MAX_LEVELS])
 {
     double finer[GEOMIPMAP_LANES] = {0}, mean[GEOMIPMAP_LANES];
-    if (plan->height > 0) mean_distance(plan, plan->height - 1, heights, finer);
+    struct drawn drawn = {heights->finest, (1 << (plan->bits + plan->height)) + 1, 0};
+    if (plan->height > 0 && !heights->drawn)
+        mean_distance(plan, plan->height - 1, heights->finest, drawn, finer);
     for (int level = 0; level < plan->bits; level++) {
         int shift = plan->height + level;
-        mean_distance(plan, shift, heights, mean);
+        if (heights->drawn)
+            drawn =
+                (struct drawn){heights->drawn + geomipmap_level_first(plan->bits, level) * GEOMIPMAP_LANES,
+                               (1 << (plan->bits - level)) + 1, shift};
+        mean_distance(plan, shift, heights->finest, drawn, mean);
         for (int lane = 0; lane < GEOMIPMAP_LANES; lane++) {
             saving[lane][level] = (float)ldexp(mean[lane] - finer[lane], 2 * shift);
             finer[lane] = mean[lane];
@@ -272,8 +368,17 @@ static void measure_savings(const struct geomipmap_plan *plan, const double *hei
     }
 }
 
+// ---- errors of all levels -----------------------------------------------------------------------
+
+// The least float that is not below a non-negative number.
+static float round_up(double value)
+{
+    float rounded = (float)value;
+    return (double)rounded < value ? nextafterf(rounded, FLT_MAX) : rounded;
+}
+
 void geomipmap_plan_measure(const struct geomipmap_plan *plan, enum geomipmap_delta delta,
-                            const double *heights, const double range[GEOMIPMAP_LANES],
+                            const struct geomipmap_heights *heights, const double range[GEOMIPMAP_LANES],
                             float error[GEOMIPMAP_LANES][GEOMIPMAP_MAX_LEVELS])
 {
     if (delta == GEOMIPMAP_SAVING) {
@@ -283,11 +388,15 @@ void geomipmap_plan_measure(const struct geomipmap_plan *plan, enum geomipmap_de
     for (int level = 0; level < plan->bits; level++) {
         double largest[GEOMIPMAP_LANES] = {0};
         size_t next = level + 1 < plan->bits ? plan->plain[level + 1] : plan->count;
-        size_t end = delta == GEOMIPMAP_STABLE ? next : plan->border[level];
-        measure_probes(plan->probes + plan->plain[level], plan->probes + end, heights, largest);
+        size_t first = plan->plain[level], end = delta == GEOMIPMAP_STABLE ? next : plan->border[level];
+        if (heights->drawn && first < end) {
+            bound_vertices(plan, heights, level, delta == GEOMIPMAP_STABLE, largest);
+            measure_places(plan->probes + first, plan->probes + end, heights, largest);
+        } else {
+            measure_probes(plan->probes + first, plan->probes + end, heights->finest, largest);
+        }
         for (int lane = 0; lane < GEOMIPMAP_LANES; lane++)
-            error[lane][level] =
-                plan->plain[level] == end ? 0.0f : round_up(largest[lane] + range[lane] * ROUNDING);
+            error[lane][level] = first == end ? 0.0f : round_up(largest[lane] + range[lane] * ROUNDING);
     }
 }
 

@@ -68,11 +68,27 @@ void geomipmap_plan_finish(struct geomipmap_plan *plan); // accepts a zeroed pla
 // in quanta above each tile's lowest sample: all (2^(bits + height) + 1)^2 samples of the finest level.
 enum { GEOMIPMAP_LANES = 8 };
 
+// Where tiles are drawn with the filtered levels of the pyramid, a vertex may stand off its sample.  What a
+// tile's level draws inside comes from one level of the pyramid, but a border from the finer one of two
+// tiles, and a corner from the finest of all tiles around it: the error is the largest over every choice.
+struct geomipmap_heights {
+    const double *finest; // as above; NAN outside the map, where no error counts
+    // By level of the tile, one after the other: the (2^(bits - level) + 1)^2 heights that it draws, side by
+    // side likewise, geomipmap_level_first() before the first of a level.  NULL: the finest samples.
+    const double *drawn;
+    // Lowest and highest of the south-west, south-east, north-west and north-east corner over all levels
+    // finer than the tile's own, which only corners may have; side by side likewise.
+    const double *corner_low, *corner_high;
+    double *low, *high; // for work, as large as `finest`; only with `drawn`
+};
+size_t geomipmap_level_first(int bits, int level); // in vertices; level bits: all
+
 // Error of each lane's tile at each level, in quanta, rounded up; exactly 0 where the surfaces are the same
 // because the tile is flat or draws every sample.  range[lane]: height of the tile's highest sample.
-// GEOMIPMAP_SAVING: the saving of each level instead, in quanta times samples squared, not rounded.
+// GEOMIPMAP_SAVING: the saving of each level instead, in quanta times samples squared, not rounded; that of
+// level 0 is nowhere needed and counts from no error at all where tiles are drawn with filtered levels.
 void geomipmap_plan_measure(const struct geomipmap_plan *plan, enum geomipmap_delta delta,
-                            const double *heights, const double range[GEOMIPMAP_LANES],
+                            const struct geomipmap_heights *heights, const double range[GEOMIPMAP_LANES],
                             float error[GEOMIPMAP_LANES][GEOMIPMAP_MAX_LEVELS]);
 
 // ---- what is allowed ----------------------------------------------------------------------------

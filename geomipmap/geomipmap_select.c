@@ -20,12 +20,26 @@ static bool reserve(struct geomipmap_selection *selection, int room)
     return true;
 }
 
+// Tiles may stick out of the map.
+static size_t corners_across(const struct geomipmap_tiles *tiles, int tiles_across)
+{
+    return ((size_t)tiles_across << tiles->top) + 1;
+}
+
+static size_t corner_count(const struct geomipmap_tiles *tiles)
+{
+    const struct geomipmap_grid *top = &tiles->grid[tiles->top];
+    return tiles->filtered ? corners_across(tiles, top->columns) * corners_across(tiles, top->rows) : 0;
+}
+
 bool geomipmap_selection_init(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles)
 {
     size_t count = (size_t)tiles->grid[0].columns * (size_t)tiles->grid[0].rows;
     *selection = (struct geomipmap_selection){.cover = malloc(count * sizeof *selection->cover),
+                                              .corners = malloc(corner_count(tiles) + 1),
                                               .last_step = malloc(count)};
-    if (!selection->cover || !selection->last_step || !reserve(selection, FIRST_ROOM)) {
+    if (!selection->cover || !selection->last_step || !selection->corners ||
+        !reserve(selection, FIRST_ROOM)) {
         geomipmap_selection_finish(selection);
         return fail("geomipmap: no memory to select from %zu tiles", count);
     }
@@ -39,6 +53,7 @@ void geomipmap_selection_finish(struct geomipmap_selection *selection)
     free(selection->picks);
     free(selection->list);
     free(selection->cover);
+    free(selection->corners);
     free(selection->last_step);
     *selection = (struct geomipmap_selection){0};
 }
@@ -53,7 +68,7 @@ size_t geomipmap_selection_bytes(const struct geomipmap_selection *selection,
                                  const struct geomipmap_tiles *tiles)
 {
     size_t count = (size_t)tiles->grid[0].columns * (size_t)tiles->grid[0].rows;
-    return count * (sizeof *selection->cover + sizeof *selection->last_step) +
+    return corner_count(tiles) + count * (sizeof *selection->cover + sizeof *selection->last_step) +
            (size_t)selection->room * (sizeof *selection->picks + sizeof *selection->list);
 }
 
@@ -426,6 +441,66 @@ static void choose_set(const struct scan *scan, struct geomipmap_pick *pick)
     pick->set = geomipmap_mesh_set(scan->tiles->bits, scan->borders, pick->level, neighbours);
 }
 
+// Entry of a place between tiles of height 0.
+static uint8_t *corner_at(const struct scan *scan, int column, int row)
+{
+    size_t across = corners_across(scan->tiles, scan->tiles->grid[scan->tiles->top].columns);
+    return scan->selection->corners + (size_t)row * across + (size_t)column;
+}
+
+static uint8_t *corner_step(const struct scan *scan, struct geomipmap_place place, int corner)
+{
+    bool east = corner < 2, north = corner == 1 || corner == 2;
+    return corner_at(scan, (place.column + east) << place.height, (place.row + north) << place.height);
+}
+
+static int side_step(const struct geomipmap_pick *pick, int side)
+{
+    return pick->place.height + pick->hem[side].level;
+}
+
+static void end_sides(const struct scan *scan, const struct geomipmap_pick *pick)
+{
+    for (int side = 0; side < GEOMIPMAP_SIDES; side++)
+        for (int end = 0; end < 2; end++) {
+            uint8_t *least = corner_step(scan, pick->place, (side + 3 * end) % GEOMIPMAP_SIDES);
+            int step = side_step(pick, side);
+            if (step < *least) *least = (uint8_t)step;
+        }
+}
+
+// Places along the sides where only smaller tiles have corners.
+static void cross_sides(const struct scan *scan, const struct geomipmap_pick *pick)
+{
+    int size = 1 << pick->place.height, column = pick->place.column * size, row = pick->place.row * size;
+    for (int n = 1; n < size; n++) {
+        *corner_at(scan, column + n, row) = (uint8_t)side_step(pick, GEOMIPMAP_SOUTH);
+        *corner_at(scan, column + n, row + size) = (uint8_t)side_step(pick, GEOMIPMAP_NORTH);
+        *corner_at(scan, column, row + n) = (uint8_t)side_step(pick, GEOMIPMAP_WEST);
+        *corner_at(scan, column + size, row + n) = (uint8_t)side_step(pick, GEOMIPMAP_EAST);
+    }
+}
+
+// A vertex where sides end takes the finest step of them all; but within the side of a larger tile, which
+// does not end there, it takes that side's.
+static void choose_forms(const struct scan *scan)
+{
+    struct geomipmap_selection *selection = scan->selection;
+    for (int k = 0; k < selection->count; k++)
+        for (int corner = 0; corner < GEOMIPMAP_SIDES; corner++)
+            *corner_step(scan, selection->picks[k].place, corner) = GEOMIPMAP_NOTHING;
+    for (int k = 0; k < selection->count; k++) end_sides(scan, &selection->picks[k]);
+    for (int k = 0; k < selection->count; k++) cross_sides(scan, &selection->picks[k]);
+    for (int k = 0; k < selection->count; k++) {
+        struct geomipmap_pick *pick = &selection->picks[k];
+        pick->form.inside = (uint8_t)(pick->place.height + pick->level);
+        for (int n = 0; n < GEOMIPMAP_SIDES; n++) {
+            pick->form.side[n] = (uint8_t)side_step(pick, n);
+            pick->form.corner[n] = *corner_step(scan, pick->place, n);
+        }
+    }
+}
+
 static void choose_sets(struct scan *scan)
 {
     struct geomipmap_selection *selection = scan->selection;
@@ -493,6 +568,7 @@ bool geomipmap_select(struct geomipmap_selection *selection, const struct geomip
     visit_tiles(&scan, (struct geomipmap_place){tiles->top, 0, 0}, size, scan_tile, FRUSTUM_ALL);
     split_coarse_neighbours(&scan);
     if (!scan.failed) choose_sets(&scan);
+    if (!scan.failed && tiles->filtered) choose_forms(&scan);
     if (!scan.failed && scan.hysteresis > 0) remember(&scan);
     return !scan.failed;
 }

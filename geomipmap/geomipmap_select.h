@@ -36,6 +36,7 @@ struct geomipmap_pick {
         uint8_t level;     // whose vertices it has, counted as the tile's own
         uint8_t morph;     // of that level
     } hem[GEOMIPMAP_SIDES];
+    struct geomipmap_form form; // of filtered tiles
 };
 
 struct geomipmap_choice { // how to select; the same for all frames
@@ -60,6 +61,8 @@ struct geomipmap_selection {
     struct geomipmap_pick *list;  // while selecting
     int listed, room;
     struct geomipmap_cover *cover; // by tile of height 0
+    uint8_t *corners;              // of filtered tiles, while selecting: by corner of tiles of height 0, the
+                                   // step of the vertex there
     uint8_t *last_step;            // by tile of height 0: step when it was last seen, or GEOMIPMAP_NOTHING
 };
 

@@ -7,6 +7,11 @@
 // published). Where no tile may be drawn any more, the tree goes on for culling alone: its nodes are the
 // paper's map blocks.
 //
+// A tile may also be drawn with the filtered levels of the terrain's pyramid instead of its finest samples:
+// where it draws every 2^step-th sample, with those of level finest + step, which lie nearer to the ground
+// between them.  Along a border both tiles take the level of the finer one, at a corner all tiles around it
+// that of the finest.  The heights then depend on the neighbours: they are the form of a tile.
+//
 // Tile (column, row) of height h covers 2^(bits + h) cells from sample (x0 + column 2^(bits+h), y0 + row
 // 2^(bits+h)).  Tiles that stick out of the map's north and east edge repeat its last samples, which the
 // exact outline cuts away again.
@@ -39,10 +44,16 @@ struct geomipmap_tiles {
     struct geomipmap_grid grid[GEOMIPMAP_MAX_HEIGHTS];
     int drawable;        // tiles of heights 0..merge
     int finest;          // level of the terrain that is drawn
-    int64_t x0, y0;      // its south-west sample
+    bool filtered;       // drawn with the levels of the pyramid
+    int64_t x0, y0;      // south-west sample of the tiles: the map's, or a multiple of every step before it
     double spacing_m[2]; // between its samples
     double quantum_m, offset_m;
     bool wide; // some tile spans more than 65,535 quanta: its heights need more than 16 bits
+};
+
+struct geomipmap_form { // steps that a tile's heights come from: inside, on the sides, at the corners
+    uint8_t inside, side[GEOMIPMAP_SIDES];
+    uint8_t corner[GEOMIPMAP_SIDES]; // where a side ends that runs counter-clockwise: south-east first
 };
 
 struct geomipmap_place { // of a tile
@@ -52,7 +63,7 @@ struct geomipmap_place { // of a tile
 // Measures all tiles on `threads` threads (<= 0: one a processor); the same result for any number.  bits +
 // merge is at most GEOMIPMAP_MAX_EXTENT.  False after one line on stderr.
 bool geomipmap_tiles_init(struct geomipmap_tiles *tiles, const struct terrain *terrain, int bits, int merge,
-                          enum geomipmap_delta delta, int threads);
+                          enum geomipmap_delta delta, bool filtered, int threads);
 void geomipmap_tiles_finish(struct geomipmap_tiles *tiles); // accepts zeroed tiles
 
 // Tiles that may be drawn have one number, 0 .. drawable - 1.
@@ -69,9 +80,10 @@ struct geomipmap_range geomipmap_tiles_range(const struct geomipmap_tiles *tiles
 // Its errors, by level.
 const float *geomipmap_tiles_error(const struct geomipmap_tiles *tiles, struct geomipmap_place place);
 
-// Reads the (2^bits + 1)^2 heights that a tile holds, quanta.
+// Reads the (2^bits + 1)^2 heights that a tile holds, quanta.  form: of filtered tiles, of which only the
+// vertices drawn are written; else NULL.
 void geomipmap_tiles_read(const struct geomipmap_tiles *tiles, struct geomipmap_place place,
-                          int32_t *heights);
+                          const struct geomipmap_form *form, int32_t *heights);
 
 size_t geomipmap_tiles_bytes(const struct geomipmap_tiles *tiles);
 

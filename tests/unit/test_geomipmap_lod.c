@@ -54,7 +54,7 @@ static void measure(const struct geomipmap_plan *plan, enum geomipmap_delta delt
     for (int k = 0; k < row * row; k++) lanes[k * GEOMIPMAP_LANES + lane] = (double)heights[k] - low;
     for (int l = 0; l < GEOMIPMAP_LANES; l++) range[l] = 101;
     range[lane] = (double)high - low;
-    geomipmap_plan_measure(plan, delta, lanes, range, all);
+    geomipmap_plan_measure(plan, delta, &(struct geomipmap_heights){.finest = lanes}, range, all);
     memcpy(error, all[lane], sizeof all[lane]);
 }
 
@@ -387,8 +387,8 @@ static void tiles_cover_maps_of_any_size(void **state)
         struct terrain *terrain = make_terrain(sizes[s][0], sizes[s][1], 1, &seed);
         struct geomipmap_tiles one, three;
         int merge = (int)s % 4;
-        assert_true(geomipmap_tiles_init(&one, terrain, 4, merge, GEOMIPMAP_STABLE, 1));
-        assert_true(geomipmap_tiles_init(&three, terrain, 4, merge, GEOMIPMAP_STABLE, 3));
+        assert_true(geomipmap_tiles_init(&one, terrain, 4, merge, GEOMIPMAP_STABLE, false, 1));
+        assert_true(geomipmap_tiles_init(&three, terrain, 4, merge, GEOMIPMAP_STABLE, false, 3));
         assert_int_equal(one.grid[0].columns, sizes[s][2]);
         assert_int_equal(one.grid[0].rows, sizes[s][3]);
         for (int tile = 0; tile < one.drawable; tile++) {
@@ -400,7 +400,7 @@ static void tiles_cover_maps_of_any_size(void **state)
             assert_memory_equal(&range, &same, sizeof range);
             assert_memory_equal(geomipmap_tiles_error(&one, place), geomipmap_tiles_error(&three, place),
                                 4 * sizeof(float));
-            geomipmap_tiles_read(&one, place, heights);
+            geomipmap_tiles_read(&one, place, NULL, heights);
             for (int k = 0; k < 17 * 17; k++) assert_in_range(heights[k] + 1, range.low + 1, range.high + 1);
         }
         assert_false(one.wide);
@@ -416,7 +416,7 @@ static void tall_tiles_are_noticed(void **state)
     uint64_t seed = 6;
     struct terrain *terrain = make_terrain(40, 40, 4000, &seed);
     struct geomipmap_tiles tiles;
-    assert_true(geomipmap_tiles_init(&tiles, terrain, 4, 0, GEOMIPMAP_STABLE, 1));
+    assert_true(geomipmap_tiles_init(&tiles, terrain, 4, 0, GEOMIPMAP_STABLE, false, 1));
     assert_true(tiles.wide);
     geomipmap_tiles_finish(&tiles);
     terrain_destroy(terrain);

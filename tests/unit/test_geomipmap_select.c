@@ -65,7 +65,7 @@ static struct scene make_scene(uint64_t seed, int merge, double height_m)
 {
     struct scene s = {.terrain = make_fractal(seed, height_m)};
     assert_true(geomipmap_mesh_init(&s.mesh, 4, GEOMIPMAP_ADD, false));
-    assert_true(geomipmap_tiles_init(&s.tiles, s.terrain, 4, merge, GEOMIPMAP_STABLE, 1));
+    assert_true(geomipmap_tiles_init(&s.tiles, s.terrain, 4, merge, GEOMIPMAP_STABLE, false, 1));
     assert_true(geomipmap_selection_init(&s.selection, &s.tiles));
     return s;
 }
@@ -120,7 +120,7 @@ static void nothing_visible_is_missing(void **state)
                 if (pick_of[tile] >= 0) continue;
                 hidden++;
                 struct geomipmap_place place = geomipmap_tiles_place(&s.tiles, tile);
-                geomipmap_tiles_read(&s.tiles, place, heights);
+                geomipmap_tiles_read(&s.tiles, place, NULL, heights);
                 for (int v = 0; v < 17 * 17; v++) {
                     double relative[3];
                     vertex_relative(&s.tiles, &view, place, v % 17, v / 17, heights[v], relative);
