@@ -317,7 +317,7 @@ bool heightfield_quantise(struct heightfield *field, const double *height_m, int
 
 // ---- any file --------------------------------------------------------------
 
-static bool is_raw(const char *path)
+bool heightfield_is_raw(const char *path)
 {
     static const char *const ENDINGS[] = {".raw", ".bin", ".r16", ".r32", ".f32", ".flt", ".bil"};
     for (size_t i = 0; i < sizeof ENDINGS / sizeof *ENDINGS; i++)
@@ -330,7 +330,7 @@ static bool load_any(struct heightfield *field, const char *path)
     if (ends_in(path, ".png")) return load_png(field, path);
     if (ends_in(path, ".hgt")) return load_hgt(field, path);
     if (ends_in(path, ".relief")) return relief_load(field, path);
-    if (is_raw(path)) return load_raw(field, path);
+    if (heightfield_is_raw(path)) return load_raw(field, path);
 #ifdef RELIEF_GDAL
     return heightfield_load_gdal(field, path);
 #else

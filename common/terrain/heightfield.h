@@ -62,6 +62,8 @@ bool heightfield_save(const struct heightfield *field, const char *path, const c
 // not say so).
 bool heightfield_is_void(double raw, bool has_nodata, double nodata);
 
+bool heightfield_is_raw(const char *path); // by the end of its name
+
 void heightfield_finish(struct heightfield *field); // accepts a zeroed struct
 
 #endif

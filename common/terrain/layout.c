@@ -33,6 +33,12 @@ void grid_init(struct grid *grid, int64_t width, int64_t height)
     }
 }
 
+struct rect layout_half_rect(const struct rect *fine, int band)
+{
+    int64_t right = band & 1 ? 0 : 1, up = band >> 1 ? 0 : 1;
+    return (struct rect){fine->x0 / 2, fine->y0 / 2, (fine->x1 + right) / 2, (fine->y1 + up) / 2};
+}
+
 int64_t grid_band_size(const struct grid *grid, int level, int band, int axis)
 {
     bool high = axis == 0 ? band & 1 : band >> 1;
@@ -345,39 +351,69 @@ bool layout_wavelet_inverse(const struct grid *grid, int level, const struct pat
     return true;
 }
 
-// Forward lifting of a line of `size` samples `stride` apart; `room` holds size + 4 PAD values.
-static void forward_line(const int32_t *line, int64_t stride, int64_t size, int32_t *room, int32_t *low,
-                         int32_t *high, int64_t out_stride)
+// Forward lifting of a line of `size` samples; `room` holds size + 4 PAD values.
+static void forward_line(const int32_t *line, int64_t size, int32_t *room, int32_t *low, int32_t *high)
 {
     int64_t lows = (size + 1) / 2, highs = size / 2;
     int32_t *even = room + PAD, *odd = even + lows + 2 * PAD;
-    for (int64_t i = 0; i < lows; i++) even[i] = line[2 * i * stride];
+    for (int64_t i = 0; i < lows; i++) even[i] = line[2 * i];
     continue_even(even, (struct span){0, lows}, lows, 1);
-    for (int64_t i = -PAD; i < highs + PAD; i++) odd[i] = 0;
+    for (int64_t i = -PAD; i < 0; i++) odd[i] = odd[highs - 1 - i] = 0;
     for (int64_t i = 0; i < highs; i++)
-        odd[i] =
-            subtract(line[(2 * i + 1) * stride], predict(even[i - 1], even[i], even[i + 1], even[i + 2]));
+        odd[i] = subtract(line[2 * i + 1], predict(even[i - 1], even[i], even[i + 1], even[i + 2]));
     for (int64_t i = 0; i < lows; i++)
-        low[i * out_stride] = add(even[i], update(odd[i - 2], odd[i - 1], odd[i], odd[i + 1]));
-    for (int64_t i = 0; i < highs; i++) high[i * out_stride] = odd[i];
+        low[i] = add(even[i], update(odd[i - 2], odd[i - 1], odd[i], odd[i + 1]));
+    memcpy(high, odd, (size_t)highs * sizeof *high);
 }
 
-bool layout_wavelet_forward(const struct grid *grid, int level, const int32_t *samples,
-                            struct patch bands[CODER_BANDS])
+// Forward lifting of columns in place: `low` holds their even rows and `high` their odd ones.  `room` holds
+// four rows.
+static void forward_columns(const struct patch *low, const struct patch *high, int32_t *room)
 {
-    int64_t width = grid->size[level][0], height = grid->size[level][1];
-    int64_t lows = (width + 1) / 2, highs = width / 2, longest = larger(width, height);
-    int32_t *half = malloc((size_t)(width * height + longest + 8 * PAD) * sizeof *half);
-    if (!half) return false;
-    int32_t *room = half + width * height, *high_half = half + lows * height;
+    int64_t count = rect_width(&low->rect), lows = rect_height(&low->rect), highs = rect_height(&high->rect);
+    int32_t *before = room, *after = room + count, *after2 = after + count, *zeros = after2 + count;
+    int32_t *last = low->samples + (lows - 1) * count;
+    for (int64_t i = 0; i < count; i++) {
+        before[i] = lows > 1 ? subtract(times(2, low->samples[i]), low->samples[count + i]) : low->samples[i];
+        after[i] = lows > 1 ? subtract(times(2, last[i]), last[i - count]) : last[i];
+        after2[i] = lows > 1 ? subtract(times(2, after[i]), last[i]) : after[i];
+        zeros[i] = 0;
+    }
+    for (int64_t j = 0; j < highs; j++) {
+        const int32_t *e[4];
+        for (int k = 0; k < 4; k++) {
+            int64_t row = j - 1 + k;
+            e[k] = row < 0 ? before : row < lows ? low->samples + row * count : row == lows ? after : after2;
+        }
+        int32_t *to = high->samples + j * count;
+        for (int64_t i = 0; i < count; i++)
+            to[i] = subtract(to[i], predict(e[0][i], e[1][i], e[2][i], e[3][i]));
+    }
+    for (int64_t j = 0; j < lows; j++) {
+        const int32_t *d[4];
+        for (int k = 0; k < 4; k++) {
+            int64_t row = j - 2 + k;
+            d[k] = row >= 0 && row < highs ? high->samples + row * count : zeros;
+        }
+        int32_t *to = low->samples + j * count;
+        for (int64_t i = 0; i < count; i++) to[i] = add(to[i], update(d[0][i], d[1][i], d[2][i], d[3][i]));
+    }
+}
+
+bool layout_wavelet_forward(const struct patch *fine, struct patch bands[CODER_BANDS])
+{
+    int64_t width = rect_width(&fine->rect), height = rect_height(&fine->rect);
+    for (int b = 0; b < CODER_BANDS; b++) bands[b].rect = layout_half_rect(&fine->rect, b);
+    int32_t *room = malloc((size_t)(4 * width + 8 * PAD) * sizeof *room);
+    if (!room) return false;
+    int64_t lows = rect_width(&bands[0].rect), highs = rect_width(&bands[BAND_HL].rect);
     for (int64_t y = 0; y < height; y++)
-        forward_line(samples + y * width, 1, width, room, half + y * lows, high_half + y * highs, 1);
-    for (int64_t x = 0; x < lows; x++)
-        forward_line(half + x, lows, height, room, bands[0].samples + x, bands[BAND_LH].samples + x, lows);
-    for (int64_t x = 0; x < highs; x++)
-        forward_line(high_half + x, highs, height, room, bands[BAND_HL].samples + x,
-                     bands[BAND_HH].samples + x, highs);
-    free(half);
+        forward_line(fine->samples + y * width, width, room,
+                     bands[y & 1 ? BAND_LH : 0].samples + y / 2 * lows,
+                     bands[y & 1 ? BAND_HH : BAND_HL].samples + y / 2 * highs);
+    forward_columns(&bands[0], &bands[BAND_LH], room);
+    if (highs) forward_columns(&bands[BAND_HL], &bands[BAND_HH], room);
+    free(room);
     return true;
 }
 

@@ -64,6 +64,9 @@ void grid_init(struct grid *grid, int64_t width, int64_t height);
 // Number of samples of a band along an axis: band 0 is the coarser level itself.
 int64_t grid_band_size(const struct grid *grid, int level, int band, int axis);
 
+// Where a band of a patch that begins at even coordinates stands.
+struct rect layout_half_rect(const struct rect *fine, int band);
+
 // ---- one tile --------------------------------------------------------------
 
 enum { TILE_COARSE = CODER_TILE + 3 }; // coarse samples along an axis that a tile sees: from -1 to TILE + 1
@@ -90,10 +93,12 @@ void layout_bounded_tile(const struct layout_tile *tile, int32_t step, const int
 
 // ---- wavelet ---------------------------------------------------------------
 
-// One level: `samples` is a whole level; bands[0] receives the coarser level, bands[1..3] the details, each a
-// whole patch whose samples the caller allocated.  False when memory runs out.
-bool layout_wavelet_forward(const struct grid *grid, int level, const int32_t *samples,
-                            struct patch bands[CODER_BANDS]);
+// Filters a patch that begins at even coordinates as if it were a whole level: bands[0] receives the coarser
+// level, bands[1..3] the details.  The caller gives each band room for layout_half_rect; their rectangles are
+// set here.  Coefficients of a larger map are right where nothing within LAYOUT_REACH samples of 2 i was cut
+// off. False when memory runs out.
+enum { LAYOUT_REACH = 6 };
+bool layout_wavelet_forward(const struct patch *fine, struct patch bands[CODER_BANDS]);
 
 // Rectangle of each band that the samples `wanted` of `level` need.
 struct rect layout_wavelet_band_rect(const struct grid *grid, int level, const struct rect *wanted, int band);

@@ -8,12 +8,14 @@
 #include "common/terrain/relief_pack.h"
 
 #include <cjson/cJSON.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 #include <sys/stat.h>
 #include <time.h>
+#include <unistd.h>
 
 static const char *const LAYOUT_NAMES[] = {[LAYOUT_WAVELET] = "wavelet", [LAYOUT_BOUNDED] = "bounded"};
 
@@ -70,33 +72,61 @@ static void print_packed(const char *path, const struct relief_header *h, double
            seconds);
 }
 
+static volatile sig_atomic_t interrupted;
+
+static void on_interrupt(int number)
+{
+    (void)number;
+    interrupted = 1;
+}
+
+static int run_pack(const char *from, const char *to, struct relief_pack_options *pack)
+{
+    struct relief_source source;
+    struct relief_header header;
+    double start = cpu_seconds();
+    signal(SIGINT, on_interrupt);
+    signal(SIGTERM, on_interrupt);
+    pack->interrupted = &interrupted;
+    if (!relief_source_open(&source, from, pack->memory_bytes)) return EXIT_WORLD;
+    bool good = relief_pack_source(&source, pack, to, &header);
+    if (good) print_packed(to, &header, cpu_seconds() - start);
+    relief_source_finish(&source);
+    if (!good && interrupted) note("%s: interrupted; the same command goes on from here", to);
+    return good ? EXIT_GOOD : interrupted ? EXIT_INTERRUPTED : EXIT_WORLD;
+}
+
 int relief_pack_main(int argc, char **argv)
 {
     const char *words[2] = {NULL, NULL}, *codec = NULL;
     double rms_m = -1, max_m = -1;
-    bool lossless = false;
-    int count = 2;
+    bool lossless = false, restart = false, progress = false;
+    int count = 2, threads = 0, memory_mib = 512;
     const struct cli_option options[] = {
         {"rms", "M", "rms error to reach, metres", CLI_NUMBER, &rms_m, 0, 1e6, NULL},
         {"max", "M", "largest error allowed, metres", CLI_NUMBER, &max_m, 0, 1e6, NULL},
         {"lossless", NULL, "no error at all", CLI_FLAG, &lossless, 0, 0, NULL},
         {"codec", "NAME", "how", CLI_TEXT, &codec, 0, 0, "wavelet|bounded"},
+        {"memory", "MIB", "not to be exceeded", CLI_INT, &memory_mib, 1, 1 << 20, NULL},
+        {"threads", "N", "by default one for each processor; changes no byte", CLI_INT, &threads, 1, 64,
+         NULL},
+        {"restart", NULL, "throw away what an interrupted pack has done", CLI_FLAG, &restart, 0, 0, NULL},
+        {"progress", NULL, "tell how far it is, though stderr is no terminal", CLI_FLAG, &progress, 0, 0,
+         NULL},
         END,
     };
     struct relief_pack_options pack;
     if (!cli_parse(argc, argv, options, words, &count)) return EXIT_COMMAND_LINE;
     if (count != 2 || !relief_is_name(words[1]))
-        return fail("pack: an elevation file and a name that ends in .relief are expected"),
+        return fail("pack: an elevation file or a .json that tells what to generate, and a name that ends in "
+                    ".relief are expected"),
                EXIT_COMMAND_LINE;
     if (!choose(codec, rms_m, max_m, lossless, &pack)) return EXIT_COMMAND_LINE;
-    struct heightfield field;
-    struct relief_header header;
-    if (!heightfield_load(&field, words[0])) return EXIT_WORLD;
-    double start = cpu_seconds();
-    bool good = relief_pack(&field, &pack, words[1], &header);
-    if (good) print_packed(words[1], &header, cpu_seconds() - start);
-    heightfield_finish(&field);
-    return good ? EXIT_GOOD : EXIT_WORLD;
+    pack.memory_bytes = (size_t)memory_mib << 20;
+    pack.threads = threads;
+    pack.restart = restart;
+    pack.progress = progress || isatty(STDERR_FILENO);
+    return run_pack(words[0], words[1], &pack);
 }
 
 // ---- unpack ----------------------------------------------------------------

@@ -1,0 +1,32 @@
+// What is packed: anything whose samples can be had by windows.  A map in memory, a raw 16-bit file that is
+// read where it is needed, a .relief file, or a made world (generate.h, amplify.h) that is nowhere but in its
+// formula. SPDX-License-Identifier: MIT
+#ifndef COMMON_TERRAIN_RELIEF_SOURCE_H
+#define COMMON_TERRAIN_RELIEF_SOURCE_H
+
+#include "common/terrain/heightfield.h"
+#include "common/terrain/layout.h"
+
+struct relief_source {
+    char name[64];
+    int64_t size[2];
+    double spacing_m[2], quantum_m, offset_m;
+    uint64_t voids_filled;
+    uint64_t identity;   // two sources that give different samples have different ones
+    int32_t magnitude_q; // no sample is larger
+    // Fills a patch within the map, quanta, row 0 south; from any thread.  False after one line on stderr.
+    bool (*window)(const struct relief_source *source, const struct patch *to);
+    void (*finish)(struct relief_source *source);
+    void *data;
+};
+
+// Opens an elevation file or a .json that tells what to generate (amplify.h).  Files are loaded whole where
+// they fit in `memory_bytes` or cannot be read by windows.  Voids are filled.  False after one line on
+// stderr.
+bool relief_source_open(struct relief_source *source, const char *path, size_t memory_bytes);
+void relief_source_finish(struct relief_source *source); // accepts a zeroed struct
+
+// A map that the caller keeps; its voids are filled.  False after one line on stderr.
+bool relief_source_field(struct relief_source *source, struct heightfield *field);
+
+#endif
