@@ -280,7 +280,7 @@ static void compare_pictures(const struct terrain *paged, const struct terrain *
     struct truth_surface *surfaces[2] = {truth_surface_create(paged), truth_surface_create(kept)};
     struct truth pictures[2];
     for (int k = 0; k < 2; k++) assert_true(truth_init(&pictures[k], WIDTH, HEIGHT));
-    for (int n = 0; n < test_size(10, 200); n++) {
+    for (int n = 0; n < test_size(5, 200); n++) {
         double at[2], ground_q;
         for (int k = 0; k < 2; k++) // a place that the lattices of both hold exactly
             at[k] = floor(test_uniform(seed, outline[k], outline[k + 2]) * 64) / 64;
@@ -324,7 +324,8 @@ static void test_rays_meet_the_same_ground(void **state)
     for (int n = 0; n < SIZE_COUNT; n++) {
         if (SIZES[n][0] < 2 || SIZES[n][1] < 2) continue;
         pack(SIZES[n][0], SIZES[n][1], n % 2 ? LAYOUT_WAVELET : LAYOUT_BOUNDED, 6, "rays.relief");
-        struct terrain *paged = load("rays.relief", OPTIONS[n % 4]);
+        // The least ceiling decodes a page from the coarsest level up, again and again: small maps alone.
+        struct terrain *paged = load("rays.relief", OPTIONS[n % 4 == 1 && SIZES[n][0] > 100 ? 0 : n % 4]);
         struct terrain *kept = in_memory(paged);
         compare_pictures(paged, kept, &seed);
         terrain_destroy(paged);
