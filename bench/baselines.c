@@ -8,6 +8,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 // ---- null ------------------------------------------------------------------
 
@@ -255,6 +256,37 @@ static int64_t padded_stride(int64_t columns)
     return rest > 24 && rest < 232 ? columns : columns + 48;
 }
 
+// Heights and indices are held whole, and once more while they are made.
+static double bytes_needed(double vertices)
+{
+    return 2 * (sizeof(float) + 6 * sizeof(uint32_t)) * vertices;
+}
+
+static double bytes_present(void)
+{
+    return (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE);
+}
+
+bool baselines_fit(const struct terrain *terrain)
+{
+    double samples = (double)terrain_info(terrain)->samples;
+    return samples <= INT32_MAX && bytes_needed(samples) <= 0.5 * bytes_present();
+}
+
+static bool check_size(const struct grid_renderer *grid, const char *name)
+{
+    double vertices = (double)grid->stride * (double)grid->rows, needed = bytes_needed(vertices);
+    double present = bytes_present();
+    if (vertices > INT32_MAX)
+        return fail("%s: %lld x %lld vertices are more than one buffer takes", name, (long long)grid->columns,
+                    (long long)grid->rows);
+    return needed <= 0.5 * present ||
+           fail(
+               "%s: %lld x %lld vertices need %.1f GiB, this machine has %.1f; a smaller terrain or a larger "
+               "step is accepted",
+               name, (long long)grid->columns, (long long)grid->rows, needed / 0x1p30, present / 0x1p30);
+}
+
 static struct renderer *grid_create(const struct renderer_desc *desc, const struct renderer_type *type)
 {
     struct grid_renderer *grid = calloc(1, sizeof *grid);
@@ -268,11 +300,7 @@ static struct renderer *grid_create(const struct renderer_desc *desc, const stru
     grid->columns = vertex_count(grid->level.extent.x1 - grid->level.extent.x0, grid->step);
     grid->rows = vertex_count(grid->level.extent.y1 - grid->level.extent.y0, grid->step);
     grid->stride = padded_stride(grid->columns);
-    if (grid->stride * grid->rows > INT32_MAX) {
-        fail("%s: %lld x %lld vertices are more than one buffer takes", type->name, (long long)grid->columns,
-             (long long)grid->rows);
-        goto failed;
-    }
+    if (!check_size(grid, type->name)) goto failed;
     glGenVertexArrays(1, &grid->vertex_array);
     glGenBuffers(1, &grid->heights);
     glGenBuffers(1, &grid->indices);

@@ -386,7 +386,8 @@ static bool measure_frame(struct measure *measure, struct run *run, int frame, i
         if (setting->type == &null_renderer || next[s] >= setting->frame_count ||
             setting->frames[next[s]] != frame)
             continue;
-        if (!measure_setting(measure, run, setting, next[s])) return false;
+        if (!measure_setting(measure, run, setting, next[s]) || terrain_failed(run->scene->terrain))
+            return false;
         next[s]++;
         setting->measured = next[s] == setting->frame_count;
         progress_add(&run->progress, setting->expected_ms * 6 + 150);

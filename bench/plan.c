@@ -104,10 +104,14 @@ bool plan_settings(struct run *run)
         snprintf(specs, sizeof specs, "%s",
                  run->options.renderers ? run->options.renderers : run->scene->renderers);
     } else {
+        bool fit = baselines_fit(run->scene->terrain);
+        if (!fit)
+            note("brute and decimated are left out: they hold the whole map, and it does not fit in memory");
         specs[0] = 0;
         for (int i = 0; renderer_table[i]; i++)
-            snprintf(specs + strlen(specs), sizeof specs - strlen(specs), "%s%s", i ? "," : "",
-                     renderer_table[i]->name);
+            if (fit || (renderer_table[i] != &brute_renderer && renderer_table[i] != &decimated_renderer))
+                snprintf(specs + strlen(specs), sizeof specs - strlen(specs), "%s%s", *specs ? "," : "",
+                         renderer_table[i]->name);
     }
     char *saved = NULL;
     for (char *spec = strtok_r(specs, ",", &saved); spec; spec = strtok_r(NULL, ",", &saved))
@@ -160,7 +164,8 @@ bool create_renderers(struct run *run)
         gpu_target_begin(run->gpu, &run->shaded);
         setting->type->draw(setting->renderer, 0, PASS_SHADED);
         setting->type->stats(setting->renderer, &stats);
-        if (!choose_frames(run, setting, stats.triangles)) return false;
+        if (!choose_frames(run, setting, stats.triangles) || terrain_failed(run->scene->terrain))
+            return false;
     }
     return true;
 }

@@ -13,4 +13,7 @@ extern const struct renderer_type decimated_renderer; // every 2^k-th sample: is
 extern const struct renderer_type *const renderer_table[];                  // ends with NULL; baselines first
 const struct renderer_type *renderer_find(const char *name, size_t length); // NULL: unknown
 
+// Whether brute and any decimated mesh of the terrain fit in half of this machine's memory.
+bool baselines_fit(const struct terrain *terrain);
+
 #endif

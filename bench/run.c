@@ -81,7 +81,8 @@ static int fly_and_write(struct run *run)
     const struct run_options *options = &run->options;
     char default_out[256];
     if (options->renderers && !plan_settings(run)) return EXIT_COMMAND_LINE;
-    run->scene = scene_load(options->scene, options->terrain, options->size[0], options->size[1]);
+    run->scene = scene_open(&(struct scene_request){options->scene, options->terrain, options->size[0],
+                                                    options->size[1], options->cache_mib});
     if (!run->scene || (!options->renderers && !plan_settings(run))) return EXIT_WORLD;
     if (!options->out) {
         snprintf(default_out, sizeof default_out, "reports/%s", run->scene->name);
@@ -117,6 +118,8 @@ int run_main(int argc, char **argv)
          0, NULL},
         {"terrain", "FILE", "any elevation file; replaces the scene's terrain, and a path is made to suit it",
          CLI_TEXT, &o->terrain, 0, 0, NULL},
+        {"cache", "MIB", "of a .relief file, which stays on disk: most that is kept decoded (default: 128)",
+         CLI_NUMBER, &o->cache_mib, 0.001, 1 << 20, NULL},
         {"renderers", "LIST", "name[:knob=value...],...; a name alone is swept (default: all)", CLI_TEXT,
          &o->renderers, 0, 0, NULL},
         {"sweep", "quick|full", "how many settings a quality knob is given", CLI_TEXT, &o->sweep, 0, 0,

@@ -24,6 +24,7 @@ enum { MAX_SETTINGS = 64 };
 struct run_options {
     const char *scene, *terrain, *renderers, *sweep, *out, *backend;
     int frames, repeats, size[2], threads, seed;
+    double cache_mib;
 };
 
 enum moment { MOMENT_START, MOMENT_MIDDLE, MOMENT_WORST, MOMENT_COUNT };

@@ -44,7 +44,8 @@ static bool fly_latency(struct run *run, struct setting *setting, int repeat, GL
         struct clocks start = read_clocks();
         if (queries && i >= 0) glQueryCounter(queries[SAMPLES_PER_QUERY * i], GL_TIMESTAMP);
         setting->type->begin_frame(setting->renderer, frame);
-        if (!setting->type->update(setting->renderer, &view, 1)) return false;
+        if (!setting->type->update(setting->renderer, &view, 1) || terrain_failed(run->scene->terrain))
+            return false;
         struct clocks updated = read_clocks();
         draw_frame(run, setting, &view);
         if (queries && i >= 0) glQueryCounter(queries[SAMPLES_PER_QUERY * i + 1], GL_TIMESTAMP);
@@ -87,7 +88,8 @@ static bool fly_throughput(struct run *run, struct setting *setting, int repeat)
         struct view view;
         scene_view(run->scene, setting->frames[i], run->frames, &view);
         setting->type->begin_frame(setting->renderer, setting->frames[i]);
-        if (!setting->type->update(setting->renderer, &view, 1)) return false;
+        if (!setting->type->update(setting->renderer, &view, 1) || terrain_failed(run->scene->terrain))
+            return false;
         draw_frame(run, setting, &view);
         GLsync *fence = &fences[i % FRAMES_IN_FLIGHT];
         if (*fence) {

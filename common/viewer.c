@@ -12,12 +12,13 @@
 #include <stdlib.h>
 #include <time.h>
 
-enum { COMMON_OPTIONS = 9, HELP_SIZE = 256 };
+enum { COMMON_OPTIONS = 10, HELP_SIZE = 256 };
 
 struct options {
     bool help, version, headless;
     const char *scene, *terrain, *backend, *snapshot;
     int size[2], frames;
+    double cache_mib;
     const char *knobs[RENDERER_MAX_KNOBS]; // as written; NULL: not given
     char knob_help[RENDERER_MAX_KNOBS][HELP_SIZE];
     struct cli_option table[COMMON_OPTIONS + RENDERER_MAX_KNOBS + 1];
@@ -50,6 +51,14 @@ static void fill_table(struct options *o, const struct renderer_type *type)
          .help = "elevation file instead of the scene's; a path is made for it",
          .kind = CLI_TEXT,
          .value = &o->terrain},
+        {.name = "cache",
+         .metavar = "MIB",
+         .help = "of a .relief file, which stays on disk: most that is kept decoded (default: the scene's, "
+                 "or 128)",
+         .kind = CLI_NUMBER,
+         .value = &o->cache_mib,
+         .min = 0.001,
+         .max = 1 << 20},
         {.name = "backend",
          .metavar = "WORD",
          .help = "way to OpenGL (auto: a window where there is a display)",
@@ -129,7 +138,7 @@ bool viewer_draw(struct viewer *viewer, const struct view *view)
     if (viewer->wireframe) glPolygonMode(GL_FRONT_AND_BACK, GL_LINE);
     type->draw(viewer->renderer, 0, PASS_SHADED);
     if (viewer->wireframe) glPolygonMode(GL_FRONT_AND_BACK, GL_FILL);
-    return true;
+    return !terrain_failed(viewer->scene->terrain); // told where it was found
 }
 
 void viewer_show(const struct viewer *viewer)
@@ -202,7 +211,8 @@ static bool open_viewer(struct viewer *viewer, const struct options *o)
     enum gpu_backend backend = GPU_AUTO;
     if (o->backend) gpu_backend_parse(o->backend, &backend);
     if (backend == GPU_AUTO && o->headless) backend = GPU_OFFSCREEN;
-    viewer->scene = scene_load(o->scene, o->terrain, o->size[0], o->size[1]);
+    viewer->scene =
+        scene_open(&(struct scene_request){o->scene, o->terrain, o->size[0], o->size[1], o->cache_mib});
     if (!viewer->scene) return false;
     int width = viewer->scene->width, height = viewer->scene->height;
     viewer->gpu = gpu_create(backend, width, height, viewer->type->name, -1);

@@ -174,15 +174,20 @@ static bool read_terrain_options(struct place at, const cJSON *json, int most_fi
                                  struct terrain_options *options)
 {
     const char *filter = "linear", *noise = "hash";
-    double seed = 0;
+    double seed = 0, cache_mib = 0, frame_samples = 0;
     if (!read_int(at, json, "synthesize_levels", 0, most_finer, &options->synthesize_levels) ||
         !read_number(at, json, "seed", 0, 0x1p53, &seed) ||
         !read_text_value(at, json, "filter", "linear|halfband|tent|decimate", &filter) ||
-        !read_text_value(at, json, "noise", "hash|table", &noise))
+        !read_text_value(at, json, "noise", "hash|table", &noise) ||
+        !read_number(at, json, "cache_mib", 0.001, 1 << 20, &cache_mib) ||
+        !read_number(at, json, "frame_samples", 1, 1 << 30, &frame_samples) ||
+        !read_int(at, json, "latency_frames", 1, 1000, &options->latency_frames))
         return false;
     if (seed != floor(seed))
         return fail("%s: \"seed\" of %s is not right; accepted is a whole number", at.file, at.object);
     options->seed = (uint64_t)seed;
+    options->frame_samples = (int64_t)frame_samples;
+    options->cache_bytes = (uint64_t)(cache_mib * (1 << 20));
     options->filter = *filter == 'h'   ? TERRAIN_FILTER_HALFBAND
                       : *filter == 't' ? TERRAIN_FILTER_TENT
                       : *filter == 'd' ? TERRAIN_FILTER_DECIMATE
@@ -191,14 +196,16 @@ static bool read_terrain_options(struct place at, const cJSON *json, int most_fi
     return true;
 }
 
-static bool load_terrain(struct scene *scene, const char *file, const cJSON *json)
+static bool load_terrain(struct scene *scene, const char *file, const cJSON *json, double cache_mib)
 {
     struct place at = {file, "terrain"};
     struct terrain_options options = {0};
     const char *name = cJSON_GetStringValue(json), *builtin = NULL;
     if (!json) return fail("%s: terrain is missing; accepted is a file name or an object", file);
     if (!name) {
-        if (!check_object(at, json, "file|builtin|synthesize_levels|seed|filter|noise") ||
+        if (!check_object(
+                at, json,
+                "file|builtin|synthesize_levels|seed|filter|noise|cache_mib|frame_samples|latency_frames") ||
             !read_text_value(at, json, "file", NULL, &name) ||
             !read_text_value(at, json, "builtin", "jacksboro", &builtin) ||
             !read_terrain_options(at, json, builtin ? 8 : 18, &options))
@@ -208,6 +215,7 @@ static bool load_terrain(struct scene *scene, const char *file, const cJSON *jso
     char path[1024];
     if (name && !find_file(file, "terrain", name, path)) return false;
     snprintf(scene->terrain_name, sizeof scene->terrain_name, "%s", name ? base_name(name) : builtin);
+    if (cache_mib > 0) options.cache_bytes = (uint64_t)(cache_mib * (1 << 20));
     scene->terrain = name ? terrain_load(path, &options) : terrain_builtin(&options);
     return scene->terrain != NULL;
 }
@@ -468,8 +476,10 @@ static bool read_effects(struct scene *scene, const char *file, const cJSON *jso
     return !colour || !own_terrain || load_colour(scene, file, colour);
 }
 
-static bool build(struct scene *scene, const char *file, const cJSON *json, const char *terrain_file)
+static bool build(struct scene *scene, const char *file, const cJSON *json,
+                  const struct scene_request *request)
 {
+    const char *terrain_file = request->terrain_file;
     struct place at = {file, "the scene"};
     if (!check_object(at, json, "name|terrain|path|view|renderers|effects") ||
         !read_name(scene, file, cJSON_GetObjectItemCaseSensitive(json, "name")) ||
@@ -478,30 +488,32 @@ static bool build(struct scene *scene, const char *file, const cJSON *json, cons
         !read_effects(scene, file, cJSON_GetObjectItemCaseSensitive(json, "effects"), !terrain_file))
         return false;
     if (!terrain_file)
-        return load_terrain(scene, file, cJSON_GetObjectItemCaseSensitive(json, "terrain")) &&
+        return load_terrain(scene, file, cJSON_GetObjectItemCaseSensitive(json, "terrain"),
+                            request->cache_mib) &&
                load_path(scene, file, cJSON_GetObjectItemCaseSensitive(json, "path"));
     scene->near_m = 0; // it suited the terrain that is not used
     name_after_file(scene, terrain_file);
     snprintf(scene->terrain_name, sizeof scene->terrain_name, "%s", base_name(terrain_file));
-    scene->terrain = terrain_load(terrain_file, &(struct terrain_options){0});
+    struct terrain_options options = {.cache_bytes = (uint64_t)(request->cache_mib * (1 << 20))};
+    scene->terrain = terrain_load(terrain_file, &options);
     return scene->terrain && load_path(scene, file, NULL);
 }
 
 static struct scene *scene_from_text(const char *file, const char *text, size_t size,
-                                     const char *terrain_file)
+                                     const struct scene_request *request)
 {
     struct scene *scene = calloc(1, sizeof *scene);
     if (!scene) return fail("%s: out of memory", file), NULL;
     sha256_hex(text, size, scene->sha256);
     cJSON *json = parse(file, text, size);
-    bool good = json && build(scene, file, json, terrain_file);
+    bool good = json && build(scene, file, json, request);
     cJSON_Delete(json);
     if (good) return scene;
     scene_destroy(scene);
     return NULL;
 }
 
-static struct scene *scene_from_program(const char *terrain_file)
+static struct scene *scene_from_program(const struct scene_request *request)
 {
     const struct embedded_file *carried = embedded_find(DEFAULT_SCENE);
     if (!carried) return fail("%s: this program carries no default scene", DEFAULT_SCENE), NULL;
@@ -509,25 +521,31 @@ static struct scene *scene_from_program(const char *terrain_file)
     char *text = calloc(size + 1, 1);
     if (!text) return fail("%s: out of memory", DEFAULT_SCENE), NULL;
     memcpy(text, carried->data, size);
-    struct scene *scene = scene_from_text(DEFAULT_SCENE, text, size, terrain_file);
+    struct scene *scene = scene_from_text(DEFAULT_SCENE, text, size, request);
     free(text);
+    return scene;
+}
+
+struct scene *scene_open(const struct scene_request *request)
+{
+    const char *scene_file = request->scene_file;
+    struct scene *scene = NULL;
+    if (scene_file) {
+        size_t size;
+        char *text = read_text(scene_file, &size);
+        if (text) scene = scene_from_text(scene_file, text, size, request);
+        free(text);
+    } else {
+        scene = scene_from_program(request);
+    }
+    if (scene && request->width > 0) scene->width = request->width;
+    if (scene && request->height > 0) scene->height = request->height;
     return scene;
 }
 
 struct scene *scene_load(const char *scene_file, const char *terrain_file, int width, int height)
 {
-    struct scene *scene = NULL;
-    if (scene_file) {
-        size_t size;
-        char *text = read_text(scene_file, &size);
-        if (text) scene = scene_from_text(scene_file, text, size, terrain_file);
-        free(text);
-    } else {
-        scene = scene_from_program(terrain_file);
-    }
-    if (scene && width > 0) scene->width = width;
-    if (scene && height > 0) scene->height = height;
-    return scene;
+    return scene_open(&(struct scene_request){scene_file, terrain_file, width, height, 0});
 }
 
 void scene_destroy(struct scene *scene)

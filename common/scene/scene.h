@@ -5,7 +5,11 @@
 //     "terrain": "puget_1k_160m.png"            a file; sought beside the scene, in data/, in $RELIEF_DATA
 //              | { "file": "x.png" | "builtin": "jacksboro",
 //                  "synthesize_levels": 3, "seed": 1, "filter": "linear|halfband|tent|decimate",
-//                  "noise": "hash|table" },
+//                  "noise": "hash|table",
+//                  "cache_mib": 128,            of a .relief file, which stays on disk: ceiling of what is
+//                                               kept decoded, MiB
+//                  "frame_samples": 524288,     ... samples that arrive a frame at most
+//                  "latency_frames": 2 },       ... frames from asking to arrival
 //     "path":  "auto"                           made to suit the terrain
 //            | { "auto": true, "frames": 96 }
 //            | { "keys": [ { "x": m, "y": m, "height": m, "above_ground": true,
@@ -69,6 +73,13 @@ const char *scene_shading_word(enum scene_shading shading);
 // the scene's terrain, and a path is made to suit it.  width and height > 0 replace the scene's.  NULL after
 // one line on stderr.
 struct scene *scene_load(const char *scene_file, const char *terrain_file, int width, int height);
+// The same with all that a command line may say.
+struct scene_request {
+    const char *scene_file, *terrain_file;
+    int width, height;
+    double cache_mib; // > 0 replaces the scene's
+};
+struct scene *scene_open(const struct scene_request *request);
 void scene_destroy(struct scene *scene); // accepts NULL
 
 // View of frame `frame` of `frames`.
