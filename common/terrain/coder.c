@@ -4,6 +4,9 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#ifdef __SSE2__
+#include <emmintrin.h>
+#endif
 
 enum {
     SUMS = 512, // context sums below this have a context each; larger ones lose low bits
@@ -52,15 +55,17 @@ struct contexts {
     uint8_t of[SUMS];
 };
 
+static int shifted(int context, int shift)
+{
+    context += shift;
+    return context < 0 ? 0 : context > CODER_CONTEXTS - 1 ? CODER_CONTEXTS - 1 : context;
+}
+
 static void contexts_init(struct contexts *contexts, int shift)
 {
-    int context = 0;
-    for (int sum = 0; sum < SUMS; sum++) {
-        while (context + 1 < CODER_CONTEXTS && sum >= CONTEXT_FIRST[context + 1]) context++;
-        int shifted = context + shift;
-        contexts->of[sum] = (uint8_t)(shifted < 0                    ? 0
-                                      : shifted > CODER_CONTEXTS - 1 ? CODER_CONTEXTS - 1
-                                                                     : shifted);
+    for (int context = 0; context + 1 < CODER_CONTEXTS; context++) {
+        int from = CONTEXT_FIRST[context], to = CONTEXT_FIRST[context + 1];
+        memset(contexts->of + from, shifted(context, shift), (size_t)(to - from));
     }
 }
 
@@ -89,14 +94,18 @@ static void plane_start_row(struct plane *restrict plane, const uint16_t *restri
         plane->row[x] = 6 * north[x] + 3 * (north[x - 1] + north[x + 1]) + 2 * north2[x] + activity[x];
 }
 
+static inline uint32_t with_siblings(struct plane *planes, uint32_t sum, int band, int x, int y)
+{
+    if (band == 2) return sum + 4 * plane_row(&planes[1], y)[x];
+    if (band == 3) return sum / 2 + 6 * plane_row(&planes[1], y)[x] + 8 * plane_row(&planes[2], y)[x];
+    return sum;
+}
+
 static inline uint32_t plane_sum(struct plane *planes, const struct coder_tile *tile, int band, int x, int y)
 {
     const uint32_t *row = plane_row(&planes[band], y) + x;
     uint32_t sum = planes[band].row[x] + 8 * row[-1] + 2 * row[-2];
-    if (!tile->siblings) return sum;
-    if (band == 2) return sum + 4 * plane_row(&planes[1], y)[x];
-    if (band == 3) return sum / 2 + 6 * plane_row(&planes[1], y)[x] + 8 * plane_row(&planes[2], y)[x];
-    return sum;
+    return tile->siblings ? with_siblings(planes, sum, band, x, y) : sum;
 }
 
 static void planes_start(struct plane *planes, const struct coder_tile *tile)
@@ -252,12 +261,6 @@ static int visit_all(const struct coder_tile *tile, const coder_band *k, struct 
     return count;
 }
 
-static int shifted(int context, int shift)
-{
-    context += shift;
-    return context < 0 ? 0 : context > CODER_CONTEXTS - 1 ? CODER_CONTEXTS - 1 : context;
-}
-
 static int best_shift(const struct coder_tile *tile, const struct visit *visits, int count)
 {
     uint64_t costs[CODER_SHIFTS] = {0};
@@ -314,7 +317,7 @@ static size_t rans_encode(const struct symbol *symbols, int count, const struct 
 size_t coder_encode(const struct coder_tile *tile, const coder_band *k, uint8_t *out,
                     struct coder_counts *counts)
 {
-    enum { MOST = CODER_BANDS * CODER_TILE * CODER_TILE, OWN_STATES_FROM = 600 };
+    enum { MOST = CODER_BANDS * CODER_TILE * CODER_TILE, OWN_STATES_FROM = 300 };
     struct visit visits[MOST];
     struct symbol symbols[MOST];
     uint16_t words[MOST + 8];
@@ -413,13 +416,16 @@ struct decoder {
 // likely, a loop would be mispredicted each time.
 static inline int tokens_before(const uint16_t *start, uint32_t slot)
 {
-    typedef int16_t lanes __attribute__((vector_size(16))); // all values are below 2^14
-    typedef uint64_t halves __attribute__((vector_size(16)));
-    lanes low, high;
-    memcpy(&low, start, sizeof low);
-    memcpy(&high, start + 8, sizeof high);
-    halves counts = (halves)(-((low <= (int16_t)slot) + (high <= (int16_t)slot)));
-    return (int)((counts[0] + counts[1]) * 0x0001000100010001u >> 48) - 1;
+#ifdef __SSE2__
+    const __m128i all = _mm_set1_epi16((int16_t)slot), *eight = (const __m128i *)start; // values below 2^14
+    __m128i low = _mm_cmpgt_epi16(_mm_loadu_si128(eight), all);
+    __m128i high = _mm_cmpgt_epi16(_mm_loadu_si128(eight + 1), all);
+    return __builtin_ctz((unsigned)_mm_movemask_epi8(_mm_packs_epi16(low, high)) | 1 << CODER_TOKENS) - 1;
+#else
+    int token = 0;
+    while (token < ESCAPE && start[token + 1] <= slot) token++;
+    return token;
+#endif
 }
 
 static inline __attribute__((always_inline)) int get_token(struct decoder *d, uint32_t *state,
@@ -486,53 +492,80 @@ static bool decoder_init(struct decoder *d, const struct coder_tile *tile, const
     return true;
 }
 
+// A row of magnitudes takes its signs from the lowest bits of `held`; returns how many were taken.  No branch
+// hangs on a coefficient: half of them would be mispredicted.
+static inline int sign_row(int32_t *row, int width, uint64_t *held)
+{
+    uint64_t left = *held;
+    int taken = 0;
+    for (int x = 0; x < width; x++) {
+        int32_t magnitude = row[x], any = magnitude != 0;
+        int32_t negative = -(int32_t)((int32_t)left & any);
+        row[x] = (magnitude ^ negative) - negative;
+        left = any ? left >> 1 : left;
+        taken += any;
+    }
+    *held = left;
+    return taken;
+}
+
 // Gives the magnitudes of a tile their signs; false when the states do not end where an encoder begins.
 static bool get_signs(struct decoder *d, const struct coder_tile *tile, int states, coder_band *k)
 {
-    uint64_t held = 0;
+    uint64_t in_states = 0;
+    int stated = 16 * states;
     for (int s = 0; s < states; s++) {
         if (d->states[s] >> 16 != 1) return false;
-        held |= (uint64_t)(d->states[s] & 0xffff) << 16 * s;
+        in_states |= (uint64_t)(d->states[s] & 0xffff) << 16 * s;
     }
-    int in_states = 16 * states;
     for (int b = tile->first_band; b < tile->bands; b++)
-        for (int y = 0; y < tile->height[b]; y++)
-            for (int32_t *at = k[b] + y * CODER_TILE, *end = at + tile->width[b]; at < end; at++) {
-                if (*at == 0) continue;
-                bool negative = in_states > 0 ? held & 1 : get_bits(&d->bits, 1);
-                held >>= 1;
-                in_states--;
-                if (negative) *at = -*at;
-            }
-    return held == 0;
+        for (int y = 0; y < tile->height[b]; y++) {
+            int32_t *row = k[b] + y * CODER_TILE;
+            int width = tile->width[b], x = 0;
+            for (; x < width && stated > 0; x++) // at most the first signs of a tile
+                if (row[x]) stated -= sign_row(row + x, 1, &in_states);
+            if (x == width) continue;
+            refill(&d->bits); // 57 bits, or all there are with zeros behind
+            d->bits.count -= sign_row(row + x, width - x, &d->bits.held);
+            if (d->bits.count >= 0) continue;
+            d->bits.spent = true;
+            d->bits.count = 0;
+        }
+    return in_states == 0;
 }
 
-// Magnitudes of all bands, in lockstep, so that the states' latencies overlap.
+// Magnitudes of all bands, in lockstep, so that the states' latencies overlap.  What hangs from one
+// coefficient to the next (states, the two magnitudes to the west) is kept in variables.
 static inline __attribute__((always_inline)) void
 get_magnitudes(struct decoder *d, const struct coder_tile *tile, coder_band *k, bool siblings, bool own)
 {
     struct plane planes[CODER_BANDS];
     planes_start(planes, tile);
-    int columns = tile_columns(tile), rows = tile_rows(tile);
-    struct coder_tile known = *tile;
-    known.siblings = siblings;
+    int columns = tile_columns(tile), rows = tile_rows(tile), first = tile->first_band;
+    uint32_t states[CODER_BANDS] = {d->states[0]};
+    for (int b = first; own && b < tile->bands; b++) states[b] = d->states[b - first];
     for (int y = 0; y < rows && !d->bits.spent; y++) {
         int width[CODER_BANDS] = {0}; // a tile may have fewer bands
-        for (int b = tile->first_band; b < tile->bands; b++) {
+        uint32_t west[CODER_BANDS] = {0}, west2[CODER_BANDS] = {0};
+        for (int b = first; b < tile->bands; b++) {
             width[b] = y < tile->height[b] ? tile->width[b] : 0;
             plane_start_row(&planes[b], tile->activity[b] + y * CODER_TILE, y);
         }
         for (int x = 0; x < columns; x++)
 #pragma GCC unroll 4
             for (int b = 0; b < CODER_BANDS; b++) {
-                if (b < tile->first_band || x >= width[b]) continue;
-                uint32_t *state = &d->states[own ? b - tile->first_band : 0];
-                uint32_t magnitude =
-                    get_magnitude(d, state, tile->set[b], plane_sum(planes, &known, b, x, y));
+                if (x >= width[b]) continue;
+                uint32_t sum = planes[b].row[x] + 2 * west2[b] + 8 * west[b];
+                if (siblings) sum = with_siblings(planes, sum, b, x, y);
+                uint32_t magnitude = get_magnitude(d, &states[own ? b : 0], tile->set[b], sum);
+                west2[b] = west[b];
+                west[b] = magnitude;
                 plane_row(&planes[b], y)[x] = magnitude;
                 k[b][y * CODER_TILE + x] = (int32_t)magnitude;
             }
     }
+    if (!own) d->states[0] = states[0];
+    for (int b = first; own && b < tile->bands; b++) d->states[b - first] = states[b];
 }
 
 bool coder_decode(const struct coder_tile *tile, const uint8_t *data, size_t size, coder_band *k)
