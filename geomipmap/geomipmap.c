@@ -66,9 +66,7 @@ static const struct renderer_knob knobs[] = {
     {"texture", "shading own: longest side of a sub-texture, px", 1024, 16, 65536, NULL},
     {"textures", "shading own: ceiling of all sub-textures, KiB", 65536, 1, 1e8, NULL},
     {"cull", "draw only tiles that the frustum meets", 1, 0, 1, "off|on"},
-    {"faces",
-     "triangles drawn: both sides of the surface, or only those that face the eye (may drop a pixel)", 0, 0,
-     1, "both|front"},
+    {"faces", RENDERER_FACES_HELP, RENDERER_FACES_SAFE, 0, 2, RENDERER_FACES_CHOICES},
     {"cache", "most tiles in the vertex buffer; 0: as many as a frame needs", 0, 0, 1e6, NULL},
     {NULL, NULL, 0, 0, 0, NULL},
 };
@@ -84,10 +82,12 @@ struct texel { // of the places buffer, one a slot
 
 struct geomipmap_view { // what was selected for one view
     struct geomipmap_selection selection;
-    int drawn;       // picks drawn: those seen, or all
-    int room;        // draws in the lists below
-    int draws;       // gathered in them
-    GLsizei *counts; // one draw a part of a tile
+    int drawn;                                             // picks drawn: those seen, or all
+    int room;                                              // draws in the lists below
+    int first_draw[GEOMIPMAP_WAYS], draws[GEOMIPMAP_WAYS]; // gathered in them, way by way; of own shading,
+                                                           // which goes block by block, all in way 0
+    bool below_ground;                                     // the viewer is
+    GLsizei *counts;                                       // one draw a part of a tile
     size_t *first;
     GLint *base_vertex;
     GLint eye_cell[2];
@@ -115,15 +115,15 @@ struct geomipmap {
     struct geomipmap_cache_counts counts_before; // of the cache, when the frame began
     struct geomipmap_view views[RENDERER_MAX_VIEWS];
     int view_count;
-    int frame;       // number of this frame
-    bool front_only; // faces
+    int frame; // number of this frame
+    enum renderer_faces faces;
     bool own_shading;
     int blend; // enum geomipmap_blend
     struct geomipmap_shading shading;
     uint64_t loads_before; // of sub-textures, when the frame began
     bool streamed;         // the frame needs more tiles than the cache may hold: draw() uploads in batches
 
-    struct geomipmap_program programs[PASS_COUNT];
+    struct geomipmap_program programs[PASS_COUNT][2]; // the second: GPU_INSIDE_OUTLINE
     GLuint vertex_array, indices, vertices, places, places_texture, heights_texture;
     int room;                     // slots in `vertices` and `places`
     int tile_vertices;            // in a slot
@@ -208,16 +208,39 @@ static void upload_tile(struct geomipmap *g, const struct geomipmap_pick *pick, 
     gpu_buffer_sub_data(g->gpu, GL_COPY_WRITE_BUFFER, (size_t)slot * sizeof texel, sizeof texel, &texel);
 }
 
+static int way_of(const struct geomipmap *g, const struct geomipmap_pick *pick)
+{
+    return g->own_shading ? 0 : pick->way;
+}
+
+static int most_parts(const struct geomipmap *g)
+{
+    return g->mesh.borders == GEOMIPMAP_REGIONS ? GEOMIPMAP_MAX_PARTS : 1;
+}
+
+// Gives each way room for the draws of its picks.
+static void clear_draws(const struct geomipmap *g, struct geomipmap_view *view)
+{
+    int picks[GEOMIPMAP_WAYS] = {0}, first = 0;
+    for (int i = 0; i < view->drawn; i++) picks[way_of(g, &view->selection.picks[i])]++;
+    for (int way = 0; way < GEOMIPMAP_WAYS; way++) {
+        view->first_draw[way] = first;
+        view->draws[way] = 0;
+        first += picks[way] * most_parts(g);
+    }
+}
+
 static void add_draws(const struct geomipmap *g, struct geomipmap_view *view,
                       const struct geomipmap_pick *pick, int slot)
 {
     struct geomipmap_part parts[GEOMIPMAP_MAX_PARTS];
-    int count = geomipmap_mesh_parts(&g->mesh, pick->set, parts);
-    for (int i = 0; i < count; i++, view->draws++) {
-        view->counts[view->draws] = parts[i].count;
-        view->first[view->draws] = parts[i].first;
-        view->base_vertex[view->draws] = slot * g->tile_vertices;
-        if (g->own_shading) view->blocks[view->draws] = geomipmap_shading_block(&g->shading, pick->place);
+    int count = geomipmap_mesh_parts(&g->mesh, pick->set, parts), way = way_of(g, pick);
+    for (int i = 0; i < count; i++) {
+        int draw = view->first_draw[way] + view->draws[way]++;
+        view->counts[draw] = parts[i].count;
+        view->first[draw] = parts[i].first;
+        view->base_vertex[draw] = slot * g->tile_vertices;
+        if (g->own_shading) view->blocks[draw] = geomipmap_shading_block(&g->shading, pick->place);
     }
 }
 
@@ -285,7 +308,7 @@ static bool changed_form(struct geomipmap *g, const struct geomipmap_pick *pick,
 static int gather(struct geomipmap *g, struct geomipmap_view *view, int start)
 {
     int done = 0;
-    view->draws = 0;
+    clear_draws(g, view);
     for (; start + done < view->drawn; done++) {
         const struct geomipmap_pick *pick = &view->selection.picks[start + done];
         int slot;
@@ -357,6 +380,17 @@ static uint64_t set_triangles(const struct geomipmap_mesh *mesh, int set)
     return triangles;
 }
 
+// Beside the map the nearest place on it counts.
+static bool below_ground(const struct terrain *terrain, const struct view *view)
+{
+    const struct terrain_info *info = terrain_info(terrain);
+    double place[2], quanta = info->min_q;
+    for (int axis = 0; axis < 2; axis++)
+        place[axis] = fmin(fmax(view->eye_m[axis], info->outline_m[axis]), info->outline_m[axis + 2]);
+    terrain_truth_at(terrain, place[0], place[1], &quanta, NULL);
+    return view->eye_m[2] < quanta * info->quantum_m + info->offset_m;
+}
+
 static bool select_view(struct geomipmap *g, struct geomipmap_view *own, const struct view *view)
 {
     struct view_origin eye = view_level_origin(view, g->tiles.finest);
@@ -367,14 +401,14 @@ static bool select_view(struct geomipmap *g, struct geomipmap_view *own, const s
     }
     for (int axis = 0; axis < 3; axis++) own->eye_m[axis] = view->eye_m[axis];
     own->pixels_per_tangent = view->pixels_per_tangent;
+    own->below_ground = below_ground(g->tiles.terrain, view);
     struct geomipmap_selection *selection = &own->selection;
     if (!geomipmap_select(selection, &g->tiles, &g->choice, view)) return false;
     own->drawn = g->choice.cull ? selection->seen : selection->count;
     own->triangles = 0;
     for (int i = 0; i < own->drawn; i++) own->triangles += set_triangles(&g->mesh, selection->picks[i].set);
-    int parts = g->mesh.borders == GEOMIPMAP_REGIONS ? GEOMIPMAP_MAX_PARTS : 1;
     if (g->own_shading) geomipmap_shading_add(&g->shading, selection, own->drawn, view->pixels_per_tangent);
-    return reserve_draws(own, selection->room * parts, g->own_shading);
+    return reserve_draws(own, selection->room * most_parts(g), g->own_shading);
 }
 
 static bool update(struct renderer *renderer, const struct view *views, int count)
@@ -392,9 +426,9 @@ static bool update(struct renderer *renderer, const struct view *views, int coun
     return true;
 }
 
-static void bind(struct geomipmap *g, const struct geomipmap_view *view, enum render_pass pass)
+static void bind(struct geomipmap *g, const struct geomipmap_view *view,
+                 const struct geomipmap_program *program)
 {
-    const struct geomipmap_program *program = &g->programs[pass];
     gpu_use_program(g->gpu, &program->program);
     glUniform2iv(program->eye_cell, 1, view->eye_cell);
     glUniform2fv(program->eye_fraction, 1, view->eye_fraction);
@@ -425,35 +459,52 @@ static void draw_range(struct geomipmap *g, const struct geomipmap_view *view, i
                                 view->base_vertex + first, draws, triangles);
 }
 
-// All at once, or block by block where each has its own textures.
-static void draw_gathered(struct geomipmap *g, const struct geomipmap_view *view, enum render_pass pass)
+static bool front_only(const struct geomipmap *g, const struct geomipmap_view *view, int way)
 {
+    if (g->faces == RENDERER_FACES_SAFE) return way & GEOMIPMAP_WITHIN_VIEW && !view->below_ground;
+    return g->faces == RENDERER_FACES_FRONT;
+}
+
+// All at once, or block by block where each has its own textures.
+static void draw_way(struct geomipmap *g, const struct geomipmap_view *view, enum render_pass pass, int way)
+{
+    int first = view->first_draw[way], last = first + view->draws[way];
     if (!g->own_shading || pass != PASS_SHADED) {
-        draw_range(g, view, 0, view->draws);
+        draw_range(g, view, first, last - first);
         return;
     }
-    for (int first = 0, end; first < view->draws; first = end) {
-        for (end = first + 1; end < view->draws && view->blocks[end] == view->blocks[first];) end++;
+    for (int end; first < last; first = end) {
+        for (end = first + 1; end < last && view->blocks[end] == view->blocks[first];) end++;
         geomipmap_shading_bind(&g->shading, view->blocks[first], view->eye_m);
         draw_range(g, view, first, end - first);
     }
+}
+
+static void draw_gathered(struct geomipmap *g, const struct geomipmap_view *view, enum render_pass pass)
+{
+    for (int way = GEOMIPMAP_WAYS - 1; way >= 0; way--) { // most lie within both
+        if (view->draws[way] == 0) continue;
+        bind(g, view, &g->programs[pass][way & GEOMIPMAP_WITHIN_MAP]);
+        // Measuring looks for faces seen from below.
+        if (pass != PASS_POSITION && front_only(g, view, way))
+            glEnable(GL_CULL_FACE);
+        else
+            glDisable(GL_CULL_FACE);
+        draw_way(g, view, pass, way);
+    }
+    glDisable(GL_CULL_FACE);
 }
 
 static void draw(struct renderer *renderer, int view_index, enum render_pass pass)
 {
     struct geomipmap *g = (struct geomipmap *)renderer;
     struct geomipmap_view *view = &g->views[view_index];
-    if (g->front_only && pass != PASS_POSITION)
-        glEnable(GL_CULL_FACE); // measuring looks for faces seen from below
-    bind(g, view, pass);
     if (!g->streamed) draw_gathered(g, view, pass);
     for (int start = 0, done; g->streamed && start < view->drawn; start += done) {
         geomipmap_cache_begin_batch(&g->cache);
         done = gather(g, view, start);
-        bind(g, view, pass); // the buffers may have moved
         draw_gathered(g, view, pass);
     }
-    glDisable(GL_CULL_FACE);
 }
 
 // Buffers of the GL, for slots, index sets and morphs.
@@ -528,25 +579,31 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
 
 // ---- creation -----------------------------------------------------------------------------------
 
-static bool build_programs(struct geomipmap *g, const struct scene_effects *effects)
+static bool build_program(struct geomipmap *g, const struct scene_effects *effects, enum render_pass pass,
+                          bool inside)
 {
-    char defines[192];
-    snprintf(defines, sizeof defines, "#define TILE_ROW %d\n%s#define HEIGHTS %s\n#define BLEND %d\n%s",
+    struct geomipmap_program *p = &g->programs[pass][inside];
+    char defines[224];
+    snprintf(defines, sizeof defines, "#define TILE_ROW %d\n%s#define HEIGHTS %s\n#define BLEND %d\n%s%s",
              (1 << g->tiles.bits) + 1, g->choice.morph ? "#define MORPH\n" : "",
              g->tiles.wide ? "isamplerBuffer" : "usamplerBuffer", g->blend,
-             g->shading.colour.subs ? "#define COLOUR\n" : "");
-    for (int pass = 0; pass < PASS_COUNT; pass++) {
-        struct geomipmap_program *p = &g->programs[pass];
-        if (!gpu_program_build(g->gpu, &p->program, "geomipmap/geomipmap.vert", defines, effects,
-                               (enum render_pass)pass))
-            return false;
-        p->eye_cell = glGetUniformLocation(p->program.name, "eye_cell");
-        p->eye_fraction = glGetUniformLocation(p->program.name, "eye_fraction");
-        p->spacing = glGetUniformLocation(p->program.name, "spacing");
-        p->places = glGetUniformLocation(p->program.name, "places");
-        p->heights = glGetUniformLocation(p->program.name, "heights");
-        p->morphs = glGetUniformLocation(p->program.name, "morphs");
-    }
+             g->shading.colour.subs ? "#define COLOUR\n" : "", inside ? GPU_INSIDE_OUTLINE : "");
+    if (!gpu_program_build(g->gpu, &p->program, "geomipmap/geomipmap.vert", defines, effects, pass))
+        return false;
+    p->eye_cell = glGetUniformLocation(p->program.name, "eye_cell");
+    p->eye_fraction = glGetUniformLocation(p->program.name, "eye_fraction");
+    p->spacing = glGetUniformLocation(p->program.name, "spacing");
+    p->places = glGetUniformLocation(p->program.name, "places");
+    p->heights = glGetUniformLocation(p->program.name, "heights");
+    p->morphs = glGetUniformLocation(p->program.name, "morphs");
+    return true;
+}
+
+static bool build_programs(struct geomipmap *g, const struct scene_effects *effects)
+{
+    for (int pass = 0; pass < PASS_COUNT; pass++)
+        for (int inside = 0; inside < 2; inside++)
+            if (!build_program(g, effects, (enum render_pass)pass, inside)) return false;
     return true;
 }
 
@@ -591,7 +648,8 @@ static void destroy(struct renderer *renderer)
 {
     struct geomipmap *g = (struct geomipmap *)renderer;
     if (!g) return;
-    for (int pass = 0; pass < PASS_COUNT; pass++) gpu_program_finish(&g->programs[pass].program);
+    for (int pass = 0; pass < PASS_COUNT; pass++)
+        for (int inside = 0; inside < 2; inside++) gpu_program_finish(&g->programs[pass][inside].program);
     if (g->vertex_array) { // GL objects come last, all or none
         const GLuint buffers[3] = {g->indices, g->vertices, g->places};
         glDeleteBuffers(3, buffers);
@@ -638,7 +696,7 @@ static bool init(struct geomipmap *g, const struct renderer_desc *desc)
                                           .borders = (enum geomipmap_borders)desc->knobs[KNOB_BORDERS],
                                           .hysteresis = desc->knobs[KNOB_HYSTERESIS],
                                           .morph = desc->knobs[KNOB_MORPH] != 0};
-    g->front_only = desc->knobs[KNOB_FACES] != 0;
+    g->faces = (enum renderer_faces)desc->knobs[KNOB_FACES];
     g->own_shading = desc->effects->shading == SCENE_SHADING_OWN;
     g->blend = (int)desc->knobs[KNOB_BLEND];
     enum geomipmap_delta delta = (enum geomipmap_delta)desc->knobs[KNOB_DELTA];
@@ -657,7 +715,7 @@ static bool init(struct geomipmap *g, const struct renderer_desc *desc)
                               most_slots(g, desc->knobs[KNOB_CACHE])) ||
         !allocate(g) || (g->own_shading && !init_shading(g, desc)) || !build_programs(g, desc->effects))
         return false;
-    if (g->own_shading) geomipmap_shading_use_program(&g->shading, g->programs[PASS_SHADED].program.name);
+    if (g->own_shading) geomipmap_shading_use_program(&g->shading, g->programs[PASS_SHADED][0].program.name);
     create_buffers(g);
     return true;
 }

@@ -208,7 +208,20 @@ static void set_cover(struct scan *scan, struct geomipmap_place place, struct ge
             scan->selection->cover[(size_t)j * (size_t)grid->columns + (size_t)i] = cover;
 }
 
-static void add_pick(struct scan *scan, struct geomipmap_place place, struct grade grade, bool seen)
+static bool within_map(const struct scan *scan, struct geomipmap_place place)
+{
+    const int cell[2] = {place.column, place.row};
+    double low[2], high[2];
+    for (int axis = 0; axis < 2; axis++) {
+        double size = scan->tile_m[axis] * (1 << place.height);
+        low[axis] = scan->corner_m[axis] + cell[axis] * size;
+        high[axis] = low[axis] + size;
+    }
+    return view_inside_outline(scan->view, scan->tiles->terrain, low, high);
+}
+
+static void add_pick(struct scan *scan, struct geomipmap_place place, struct grade grade,
+                     enum frustum_side side)
 {
     struct geomipmap_selection *selection = scan->selection;
     if (selection->listed == selection->room && !reserve(selection, 2 * selection->room)) {
@@ -216,12 +229,16 @@ static void add_pick(struct scan *scan, struct geomipmap_place place, struct gra
         return;
     }
     int index = selection->listed++;
+    bool seen = side != FRUSTUM_OUTSIDE;
+    int way = (within_map(scan, place) ? GEOMIPMAP_WITHIN_MAP : 0) |
+              (side == FRUSTUM_INSIDE ? GEOMIPMAP_WITHIN_VIEW : 0);
     struct geomipmap_pick *pick = &selection->list[index];
     *pick = (struct geomipmap_pick){.place = place,
                                     .level = grade.level,
                                     .morph = grade.morph,
                                     .depth_m = (float)grade.depth_m,
                                     .seen = seen,
+                                    .way = (uint8_t)way,
                                     .next = NONE};
     if (scan->last != NONE) {
         pick->next = selection->list[scan->last].next;
@@ -282,14 +299,14 @@ static void scan_tile(struct scan *scan, struct geomipmap_place place, unsigned 
     if (side == FRUSTUM_OUTSIDE && scan->cull && tiles->merge == 0) return;
     if (place.height <= tiles->merge) {
         if (side == FRUSTUM_OUTSIDE) {
-            add_pick(scan, place, (struct grade){tiles->levels - 1, 0, 0}, false);
+            add_pick(scan, place, (struct grade){tiles->levels - 1, 0, 0}, side);
             return;
         }
         struct grade grade = choose_grade(scan, place, &box, side == FRUSTUM_INSIDE);
         // Smaller tiles would not save triangles: 2 x 2 of them, at their coarsest, are this tile's second
         // coarsest level.
         if (place.height == 0 || grade.level >= tiles->levels - 2) {
-            add_pick(scan, place, grade, true);
+            add_pick(scan, place, grade, side);
             return;
         }
     }
@@ -394,7 +411,7 @@ static void split_child(struct scan *scan, struct geomipmap_place place, unsigne
     add_pick(scan, place,
              seen ? choose_grade(scan, place, &box, side == FRUSTUM_INSIDE)
                   : (struct grade){scan->tiles->levels - 1, 0, 0},
-             seen);
+             side);
 }
 
 // Puts the four smaller tiles in the place of a pick: the first takes over its entry, so that the order

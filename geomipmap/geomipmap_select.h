@@ -24,12 +24,19 @@
 #include "common/view/frustum.h"
 #include "geomipmap/geomipmap_tiles.h"
 
+enum geomipmap_way {           // how a tile may be drawn
+    GEOMIPMAP_WITHIN_MAP = 1,  // view_inside_outline holds
+    GEOMIPMAP_WITHIN_VIEW = 2, // its box lies inside the frustum: no triangle is clipped
+    GEOMIPMAP_WAYS = 4,
+};
+
 struct geomipmap_pick {
     struct geomipmap_place place;
     int level;
     int set;               // geomipmap_mesh_set
     float depth_m;         // of what is seen of its box, the least, or less
     bool seen;             // the frustum meets it
+    uint8_t way;           // of enum geomipmap_way
     int next;              // while selecting: the pick after this one
     uint8_t morph;         // way from its level to the next coarser, in steps of 1 / GEOMIPMAP_MORPHED
     struct geomipmap_hem { // a side as drawn
