@@ -11,7 +11,7 @@ OBJ    := $(BUILD)/obj
 # ---- packages (Debian names) ----------------------------------------------------------------------------------
 PACKAGES := gcc libc6-dev make pkg-config git clang-format cppcheck libepoxy-dev libglfw3-dev libosmesa6-dev \
             libegl-dev libegl-mesa0 libgl1-mesa-dri libglx-mesa0 libcjson-dev libpng-dev libcmocka-dev gnuplot-nox \
-            xvfb xauth libxml2-utils libopenjp2-7-dev libcharls-dev liblerc-dev zlib1g-dev
+            xvfb xauth libxml2-utils clang libopenjp2-7-dev libcharls-dev liblerc-dev zlib1g-dev
 LIBRARIES := epoxy glfw3 libcjson libpng
 GDAL      := $(shell pkg-config --exists gdal 2>/dev/null && echo gdal)
 # Other coders, for `terrain compare` alone; what is missing is said there.
@@ -94,6 +94,8 @@ $(BUILD)/tests/%: $(OBJ)/tests/%.o $(OBJ)/libbench.a $(OBJ)/libmethods.a $(OBJ)/
 	@mkdir -p $(@D)
 	$(CC) $(LINK) $^ $(shell pkg-config --libs cmocka) $(LIBS) -o $@
 
+$(BUILD)/tests/unit/test_fuzz: $(OBJ)/tests/fuzz/fuzz_relief.o
+
 -include $(shell find $(OBJ) -name '*.d' 2>/dev/null)
 .SECONDARY:
 
@@ -118,9 +120,21 @@ test: | $(filter deps,$(MAKECMDGOALS)) ## every test at its everyday size
 
 soak: | $(filter deps,$(MAKECMDGOALS)) ## the same properties at their full stated sizes (an hour or so)
 	RELIEF_SOAK=1 $(MAKE) --no-print-directory run-tests
+	$(MAKE) --no-print-directory fuzz
 
 run-tests: all $(TESTS)
 	tests/run $(BUILD) $(TESTS)
+
+FUZZED  := tests/fuzz/fuzz_relief.c $(wildcard common/terrain/coder*.c common/terrain/layout*.c common/terrain/codec_*.c) \
+           $(patsubst %,common/terrain/%.c,relief_file relief_format upsample) common/parallel.c common/report.c
+runs    ?= 1000000
+fuzz: $(BUILD)/tests/unit/test_fuzz ## spoilt .relief files under libFuzzer and sanitizers (clang): runs=1000000
+	@mkdir -p $(BUILD)/fuzz/corpus
+	RELIEF_CORPUS=$(BUILD)/fuzz/corpus $(BUILD)/tests/unit/test_fuzz >/dev/null
+	clang -std=c11 -D_DEFAULT_SOURCE -O1 -g -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
+	  -DRELIEF_LIBFUZZER -pthread -I. $(FUZZED) -lm -o $(BUILD)/fuzz/fuzz_relief
+	$(BUILD)/fuzz/fuzz_relief -runs=$(runs) -seed=1 -max_len=8192 -timeout=10 -rss_limit_mb=512 -close_fd_mask=2 \
+	  -artifact_prefix=$(BUILD)/fuzz/ -print_final_stats=1 $(BUILD)/fuzz/corpus
 
 check: format-check layers headers lint ## before each commit: format, layers, headers, lint, tests under sanitizers
 	$(MAKE) --no-print-directory config=sanitize run-tests
@@ -167,4 +181,4 @@ clean: ## remove what was built
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
-.PHONY: all deps bench papers tables test soak run-tests check format format-check lint layers headers report install clean help
+.PHONY: all deps bench papers tables test soak run-tests fuzz check format format-check lint layers headers report install clean help

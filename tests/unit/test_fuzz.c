@@ -1,0 +1,136 @@
+// Files that were spoilt in every way a seeded generator thinks of: read or refused, never a crash, a hang or
+// a read beyond their bytes (under sanitizers: `make check`).  The same function runs under libFuzzer in
+// `make soak`, which starts from what RELIEF_CORPUS=FOLDER makes this program write. SPDX-License-Identifier:
+// MIT
+#include "tests/folder.h"
+#include "tests/fuzz/fuzz_relief.h"
+
+#include "common/terrain/relief_file.h"
+#include "common/terrain/relief_pack.h"
+
+#include <fcntl.h>
+#include <string.h>
+#include <time.h>
+
+struct seed_file {
+    uint8_t *data;
+    size_t size;
+};
+
+static const struct {
+    enum layout layout;
+    int width, height;
+    double error_m;
+} SEEDS[] = {{LAYOUT_WAVELET, 41, 70, 4},
+             {LAYOUT_BOUNDED, 70, 41, 2},
+             {LAYOUT_BOUNDED, 33, 18, 0},
+             {LAYOUT_WAVELET, 5, 7, 1}};
+enum { SEED_COUNT = sizeof SEEDS / sizeof *SEEDS };
+
+static struct seed_file make_seed(int n)
+{
+    struct relief_pack_options options = {
+        .layout = SEEDS[n].layout, .rms_m = SEEDS[n].error_m, .max_m = SEEDS[n].error_m};
+    struct relief_header header;
+    uint64_t dice = (uint64_t)n;
+    int width = SEEDS[n].width, height = SEEDS[n].height;
+    struct heightfield field = {.name = "seed",
+                                .width = width,
+                                .height = height,
+                                .spacing_m = {30, 30},
+                                .quantum_m = 0.1,
+                                .samples = malloc((size_t)(width * height) * sizeof(int32_t))};
+    for (int i = 0; i < width * height; i++)
+        field.samples[i] = (int32_t)(900 * sin(i % width * 0.11) * cos(i / width * 0.07)) +
+                           (int32_t)(test_random(&dice) % 60);
+    assert_true(relief_pack(&field, &options, in_folder("seed.relief"), &header));
+    heightfield_finish(&field);
+    struct seed_file seed;
+    FILE *file = fopen(in_folder("seed.relief"), "rb");
+    assert_non_null(file);
+    fseek(file, 0, SEEK_END);
+    seed.size = (size_t)ftell(file);
+    rewind(file);
+    seed.data = malloc(seed.size);
+    assert_int_equal(fread(seed.data, 1, seed.size, file), seed.size);
+    fclose(file);
+    return seed;
+}
+
+static void write_corpus(const char *corpus, const struct seed_file *seeds)
+{
+    for (int n = 0; n < SEED_COUNT; n++) {
+        char path[1200];
+        snprintf(path, sizeof path, "%s/%d.relief", corpus, n);
+        FILE *file = fopen(path, "wb");
+        assert_non_null(file);
+        assert_int_equal(fwrite(seeds[n].data, 1, seeds[n].size, file), seeds[n].size);
+        assert_int_equal(fclose(file), 0);
+    }
+}
+
+static size_t spoil(const struct seed_file *seed, uint8_t *data, uint64_t *dice)
+{
+    size_t size = seed->size;
+    memcpy(data, seed->data, size);
+    for (int times = 1 + (int)(test_random(dice) % 4); times > 0; times--) {
+        bool head = test_random(dice) % 3 == 0;
+        size_t at = head ? test_random(dice) % RELIEF_HEADER : test_random(dice) % size;
+        switch (test_random(dice) % 4) {
+        case 0:
+            data[at] ^= (uint8_t)(1 << test_random(dice) % 8);
+            break;
+        case 1:
+            data[at] = (uint8_t)(0u - (test_random(dice) & 1)); // 0 or 255
+            break;
+        default:
+            data[at] = (uint8_t)test_random(dice);
+        }
+    }
+    if (test_random(dice) % 16 == 0) size = test_random(dice) % size;
+    return size;
+}
+
+static double seconds_now(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+    return (double)t.tv_sec + (double)t.tv_nsec * 1e-9;
+}
+
+static void test_spoilt_files_do_no_harm(void **state)
+{
+    (void)state;
+    struct seed_file seeds[SEED_COUNT];
+    for (int n = 0; n < SEED_COUNT; n++) seeds[n] = make_seed(n);
+    if (getenv("RELIEF_CORPUS")) write_corpus(getenv("RELIEF_CORPUS"), seeds);
+    uint8_t *data = malloc(1 << 20);
+    uint64_t dice = 1;
+    int opened = 0, count = test_size(20000, 1000000);
+    double worst_s = 0;
+    fflush(stderr);
+    int kept = dup(2), nowhere = open("/dev/null", O_WRONLY); // a line for each refusal
+    dup2(nowhere, 2);
+    for (int n = 0; n < SEED_COUNT; n++) // the seeds themselves are whole
+        assert_int_equal(fuzz_relief(seeds[n].data, seeds[n].size), 1);
+    for (int i = 0; i < count; i++) {
+        size_t size = spoil(&seeds[test_random(&dice) % SEED_COUNT], data, &dice);
+        double start = seconds_now();
+        opened += fuzz_relief(data, size);
+        worst_s = fmax(worst_s, seconds_now() - start);
+    }
+    dup2(kept, 2);
+    close(kept);
+    close(nowhere);
+    FIGURE("%d spoilt files: %d were opened, the slowest took %.1f ms", count, opened, worst_s * 1e3);
+    assert_true(opened > count / 20 && opened < count); // it gets behind the header, and there is harm
+    assert_true(worst_s < 5);                           // a hang
+    for (int n = 0; n < SEED_COUNT; n++) free(seeds[n].data);
+    free(data);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_spoilt_files_do_no_harm)};
+    return cmocka_run_group_tests(tests, folder_create, folder_remove);
+}
