@@ -180,7 +180,7 @@ static bool read_terrain_options(struct place at, const cJSON *json, int most_fi
         !read_text_value(at, json, "filter", "linear|halfband|tent|decimate", &filter) ||
         !read_text_value(at, json, "noise", "hash|table", &noise) ||
         !read_number(at, json, "cache_mib", 0.001, 1 << 20, &cache_mib) ||
-        !read_number(at, json, "frame_samples", 1, 1 << 30, &frame_samples) ||
+        !read_number(at, json, "frame_samples", -1, 1 << 30, &frame_samples) ||
         !read_int(at, json, "latency_frames", 1, 1000, &options->latency_frames))
         return false;
     if (seed != floor(seed))

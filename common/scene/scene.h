@@ -8,7 +8,8 @@
 //                  "noise": "hash|table",
 //                  "cache_mib": 128,            of a .relief file, which stays on disk: ceiling of what is
 //                                               kept decoded, MiB
-//                  "frame_samples": 524288,     ... samples that arrive a frame at most
+//                  "frame_samples": 524288,     ... samples that arrive a frame at most; -1: they are
+//                                               waited for
 //                  "latency_frames": 2 },       ... frames from asking to arrival
 //     "path":  "auto"                           made to suit the terrain
 //            | { "auto": true, "frames": 96 }

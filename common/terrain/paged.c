@@ -506,5 +506,5 @@ int paged_latency(const struct paged *p)
 
 int64_t paged_frame_samples(const struct paged *p)
 {
-    return p->options.frame_samples > 0 ? p->options.frame_samples : 1 << 19;
+    return p->options.frame_samples != 0 ? p->options.frame_samples : 1 << 19;
 }

@@ -27,8 +27,8 @@ struct entry_list {
 
 struct terrain_reader {
     const struct terrain *terrain;
-    struct paged *paged; // NULL: in memory
-    bool realtime;
+    struct paged *paged;  // NULL: in memory
+    bool realtime, waits; // waits: for whatever is asked for
     int64_t now;
     int frame;                    // of begin_frame; -1: none yet
     double place_m[2], step_m[2]; // where the viewer is and how far it moves a frame
@@ -151,6 +151,7 @@ struct terrain_reader *terrain_reader_create(const struct terrain *terrain, bool
         if (!r->paged) return r;
         int32_t blocks = paged_block_count(r->paged);
         int64_t most = paged_frame_samples(r->paged) / (PAGED_BLOCK * PAGED_BLOCK);
+        r->waits = paged_frame_samples(r->paged) < 0;
         r->latency = paged_latency(r->paged);
         r->keep = blocks > 3 ? blocks / 4 * 3 : 1; // the rest: blocks that others are decoded from
         int32_t share = r->keep / (2 * r->latency);
@@ -266,8 +267,9 @@ bool terrain_reader_window(struct terrain_reader *r, int level, int64_t x0, int6
     if (width < 1 || height < 1) return true;
     if (r->paged) {
         struct terrain_extent blocks = paged_blocks(r->paged, level, x0, y0, width, height);
-        bool fits = (blocks.x1 - blocks.x0) * (blocks.y1 - blocks.y0) <= r->keep, there = true;
-        look_ahead(r, level, x0, y0, width, height, &blocks);
+        int64_t count = (blocks.x1 - blocks.x0) * (blocks.y1 - blocks.y0);
+        bool fits = count <= r->keep && !r->waits, there = true;
+        if (!r->waits) look_ahead(r, level, x0, y0, width, height, &blocks);
         if (fits && r->realtime)
             there = paged_window(r->paged, level, x0, y0, width, height, NULL, TERRAIN_TRY);
         if (fits && !r->realtime) {

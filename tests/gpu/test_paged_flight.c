@@ -1,0 +1,158 @@
+// The three renderers over a map on disk, a 64th of a world of 216,000 x 93,600 samples, under a small
+// ceiling: no holes on the way, little memory, and at rest the picture that waiting gives.
+// SPDX-License-Identifier: MIT
+#include "clipmap/clipmap.h"
+#include "common/scene/scene.h"
+#include "common/terrain/relief_pack.h"
+#include "geomipmap/geomipmap.h"
+#include "pgm/pgm.h"
+#include "tests/folder.h"
+#include "tests/gpu/settings.h"
+
+enum { WIDTH = 320, HEIGHT = 240, CACHE_MIB = 8 };
+
+static const struct {
+    const struct renderer_type *type;
+    const char *settings, *in_words;
+} FLOWN[] = {{&clipmap_renderer, "n=127", "clipmap:n=127"},
+             {&geomipmap_renderer, "tau=2", "geomipmap:tau=2"},
+             {&pgm_renderer, "rows=300", "pgm:rows=300"}};
+enum { RENDERERS = sizeof FLOWN / sizeof *FLOWN };
+
+static int make_world(void **state)
+{
+    struct relief_pack_options options = {.layout = LAYOUT_BOUNDED, .max_m = 1};
+    struct relief_source source;
+    struct relief_header header;
+    if (folder_create(state) != 0) return -1;
+    FILE *spec = fopen(in_folder("world.json"), "w");
+    if (!spec) return -1;
+    fputs("{\"generate\": \"amplify\", \"source\": \"jacksboro\", \"levels\": 2, \"width\": 3375, "
+          "\"height\": 1463}",
+          spec);
+    fclose(spec);
+    if (!relief_source_open(&source, in_folder("world.json"), 0)) return -1;
+    bool good = relief_pack_source(&source, &options, in_folder("world.relief"), &header);
+    relief_source_finish(&source);
+    return good ? 0 : -1;
+}
+
+// ---- on the way ------------------------------------------------------------
+
+static void flights_are_whole(void **state)
+{
+    (void)state;
+    const char *build = getenv("RELIEF_BUILD");
+    for (int r = 0; r < RENDERERS; r++) {
+        char command[1024], line[1024];
+        unsigned long long ground = 0, holes = 1;
+        double process_mib = 0, terrain_mib = 0;
+        snprintf(
+            command, sizeof command,
+            "env -u DISPLAY -u WAYLAND_DISPLAY %s/bench fly --terrain %s --cache %d --frames %d --look %d "
+            "--size %dx%d --renderers %s",
+            build ? build : "build", in_folder("world.relief"), CACHE_MIB, test_size(25, 1000),
+            test_size(8, 10), WIDTH, HEIGHT, FLOWN[r].in_words);
+        FILE *said = popen(command, "r");
+        assert_non_null(said);
+        while (fgets(line, sizeof line, said)) {
+            sscanf(line, "  memory: process at most %lf MiB, terrain %lf", &process_mib, &terrain_mib);
+            sscanf(line, "  %*d frames held against the truth: %llu pixels of ground, holes %llu", &ground,
+                   &holes);
+        }
+        assert_int_equal(pclose(said), 0);
+        FIGURE(
+            "%s over 3375 x 1463 samples on disk, %d MiB kept: process %.0f MiB, terrain %.1f, holes %llu of "
+            "%llu pixels",
+            FLOWN[r].in_words, CACHE_MIB, process_mib, terrain_mib, holes, ground);
+        assert_true(ground > 10000);
+        assert_int_equal(holes, 0);
+        assert_true(terrain_mib <= CACHE_MIB + 1.5); // beside the ceiling: 14 bytes a tile, descriptions
+        assert_true(process_mib < 400);
+    }
+}
+
+// ---- at rest ---------------------------------------------------------------
+
+struct fixture {
+    struct gpu *gpu;
+    struct gpu_target target;
+    uint8_t *pictures[2];
+};
+
+static void draw_frame(struct fixture *f, const struct scene *scene, struct renderer *renderer, int frame,
+                       const struct view *view, uint8_t *picture)
+{
+    renderer->type->begin_frame(renderer, frame);
+    assert_true(renderer->type->update(renderer, view, 1));
+    gpu_set_view(f->gpu, scene->terrain, view);
+    gpu_target_begin(f->gpu, &f->target);
+    renderer->type->draw(renderer, 0, PASS_SHADED);
+    if (picture) gpu_target_read(f->gpu, &f->target, picture);
+}
+
+static struct scene *open_world(int64_t frame_samples)
+{
+    char text[256];
+    FILE *file = fopen(in_folder("scene.json"), "w");
+    snprintf(text, sizeof text,
+             "{\"name\": \"world\", \"terrain\": {\"file\": \"world.relief\", \"cache_mib\": %d, "
+             "\"frame_samples\": %lld}}",
+             CACHE_MIB, (long long)frame_samples);
+    assert_true(file && fputs(text, file) >= 0);
+    fclose(file);
+    struct scene *scene = scene_load(in_folder("scene.json"), NULL, WIDTH, HEIGHT);
+    assert_non_null(scene);
+    return scene;
+}
+
+// Flies to a place with what arrives late, rests there, and looks.
+static void look_at_rest(struct fixture *f, int r, int64_t frame_samples, int from, int to, uint8_t *picture)
+{
+    enum { FRAMES = 300, MOST_REST = 80 };
+    struct scene *scene = open_world(frame_samples);
+    struct renderer_desc desc = {.gpu = f->gpu,
+                                 .terrain = scene->terrain,
+                                 .effects = &scene->effects,
+                                 .width = WIDTH,
+                                 .height = HEIGHT};
+    struct renderer *renderer = create_with(FLOWN[r].type, desc, FLOWN[r].settings);
+    struct view view;
+    for (int frame = from; frame <= to; frame++) {
+        scene_view(scene, frame, FRAMES, &view);
+        draw_frame(f, scene, renderer, frame, &view, NULL);
+    }
+    for (int k = 1; k <= (from < to ? MOST_REST : 1); k++)
+        draw_frame(f, scene, renderer, to + k, &view, k == (from < to ? MOST_REST : 1) ? picture : NULL);
+    FLOWN[r].type->destroy(renderer);
+    scene_destroy(scene);
+}
+
+static void at_rest_nothing_is_missing(void **state)
+{
+    (void)state;
+    struct fixture f = {.gpu = gpu_create(GPU_OFFSCREEN, WIDTH, HEIGHT, "test", 0)};
+    assert_non_null(f.gpu);
+    assert_true(gpu_target_init(f.gpu, &f.target, WIDTH, HEIGHT, GL_RGBA8));
+    for (int k = 0; k < 2; k++) f.pictures[k] = malloc((size_t)WIDTH * HEIGHT * 4);
+    for (int r = 0; r < RENDERERS; r++)
+        for (int place = 0; place < test_size(1, 6); place++) {
+            int to = 60 + 40 * place;
+            look_at_rest(&f, r, 8 * 128 * 128, to - 10, to, f.pictures[0]);
+            look_at_rest(&f, r, -1, to, to, f.pictures[1]); // waits for all there is
+            assert_memory_equal(f.pictures[0], f.pictures[1], (size_t)WIDTH * HEIGHT * 4);
+        }
+    for (int k = 0; k < 2; k++) free(f.pictures[k]);
+    gpu_target_finish(&f.target);
+    assert_int_equal(gpu_debug_errors(f.gpu), 0);
+    gpu_destroy(f.gpu);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(flights_are_whole),
+        cmocka_unit_test(at_rest_nothing_is_missing),
+    };
+    return cmocka_run_group_tests(tests, make_world, folder_remove);
+}
