@@ -650,7 +650,7 @@ static double time_updates(const struct papers *papers, struct pgm_atlas *atlas,
             if (!pgm_window_is_whole(&atlas->slots[k].window))
                 memset(&atlas->slots[k].window.held, 0, sizeof atlas->slots[k].window.held);
         double start = papers_clock_ms(papers);
-        pgm_atlas_follow(atlas, papers->gpu, scene->terrain, &view);
+        pgm_atlas_follow(atlas, papers->gpu, scene->terrain, NULL, &view);
         gpu_finish(papers->gpu);
         if (frame >= 0) total += papers_clock_ms(papers) - start;
     }

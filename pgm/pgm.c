@@ -169,6 +169,8 @@ struct pgm {
     double column_focus, column_width; // pgm_focus of its columns
     bool cull;
     enum renderer_faces faces;
+    struct terrain_reader *reader;
+    int frame;
     struct pgm_picture picture;
     struct pgm_atlas atlas,
         colours; // colours: of the picture, which shading of its own may have; else zeroed
@@ -267,7 +269,8 @@ static bool init_textures(struct pgm *pgm)
         heights.memory_bytes -= colours.memory_bytes;
         heights.budget_bytes -= colours.budget_bytes;
     }
-    return pgm_atlas_init(&pgm->atlas, desc->gpu, desc->terrain, &heights) &&
+    pgm->reader = terrain_reader_create(desc->terrain, desc->realtime);
+    return pgm->reader && pgm_atlas_init(&pgm->atlas, desc->gpu, desc->terrain, &heights) &&
            (!colours.picture || pgm_atlas_init(&pgm->colours, desc->gpu, desc->terrain, &colours));
 }
 
@@ -353,9 +356,9 @@ static void write_many(const struct pgm *pgm, char *out, size_t size)
     if (used < size) write_branches("MANY_COLOURS", "colours", "", colours, out + used, size - used);
 }
 
-static bool is_whole(const struct pgm *pgm) // colours, too
+static bool is_full(const struct pgm *pgm) // colours, too
 {
-    return pgm_atlas_is_whole(&pgm->atlas) && pgm_atlas_is_whole(&pgm->colours);
+    return pgm_atlas_is_full(&pgm->atlas) && pgm_atlas_is_full(&pgm->colours);
 }
 
 // Choices, and the levels' tiles, which vertices and fragments share.
@@ -370,7 +373,7 @@ static void write_defines(const struct pgm *pgm, char *out, size_t size)
         out, size,
         "#define SLOTS_MAX %d\n#define ROWS_MAX %d\n#define %s\n#define %s\n%s%s%s%s%s%s%s%s%s%.*s\n",
         SLOTS_MAX, PGM_ROWS_MAX, filters[(int)knob[KNOB_FILTER]], fetches[(int)knob[KNOB_FETCH]],
-        pgm->atlas.narrow ? "" : "#define WIDE\n", is_whole(pgm) ? "" : "#define TILED\n",
+        pgm->atlas.narrow ? "" : "#define WIDE\n", is_full(pgm) ? "" : "#define TILED\n",
         pgm->settings.lod == PGM_LOD_PUBLISHED ? "#define WEIGHT_PUBLISHED\n" : "",
         knob[KNOB_MAPPING] > 0 ? "" : "#define MAPPING_PUBLISHED\n",
         knob[KNOB_COORDINATES] > 0 ? "" : "#define COORDINATES_AUTOMATIC\n",
@@ -486,6 +489,7 @@ static void pgm_destroy(struct renderer *renderer)
         for (int k = 0; k < 2; k++) gpu_program_finish(&pgm->programs[pass][k]);
     pgm_atlas_finish(&pgm->atlas);
     pgm_atlas_finish(&pgm->colours);
+    terrain_reader_destroy(pgm->reader);
     pgm_picture_finish(&pgm->picture);
     free(pgm);
 }
@@ -517,7 +521,7 @@ static double now_ms(void)
 static void pgm_begin_frame(struct renderer *renderer, int frame)
 {
     struct pgm *pgm = (struct pgm *)renderer;
-    (void)frame; // each frame stands by itself
+    pgm->frame = frame;
     double hold_ms = pgm->desc.knobs[KNOB_HOLD];
     if (!pgm->desc.realtime || !(hold_ms > 0)) return;
     double now = now_ms();
@@ -526,14 +530,25 @@ static void pgm_begin_frame(struct renderer *renderer, int frame)
     pgm->begun_ms = now;
 }
 
-static double ground_under(const struct terrain *terrain, const double eye_m[3])
+// Height of the ground under the eye, or at the map's edge; false: not read yet, and no lower than this.
+static bool ground_under(const struct pgm *pgm, const double eye_m[3], double *ground_m)
 {
-    const struct terrain_info *info = terrain_info(terrain);
-    const double *outline = info->outline_m;
-    double x = fmin(fmax(eye_m[0], outline[0]), outline[2]), y = fmin(fmax(eye_m[1], outline[1]), outline[3]);
-    double height_q = info->min_q;
-    terrain_truth_at(terrain, x, y, &height_q, NULL);
-    return info->quantum_m * height_q + info->offset_m;
+    const struct terrain_info *info = terrain_info(pgm->desc.terrain);
+    double place_m[2], height_q = info->min_q;
+    int64_t cell[2];
+    for (int axis = 0; axis < 2; axis++) {
+        place_m[axis] = fmin(fmax(eye_m[axis], info->outline_m[axis]), info->outline_m[axis + 2]);
+        cell[axis] = (int64_t)floor(place_m[axis] / ldexp(info->spacing_m[axis], info->finest));
+    }
+    bool known = terrain_reader_window(pgm->reader, info->finest, cell[0], cell[1], 2, 2, NULL);
+    int32_t low = info->min_q, high;
+    if (known)
+        terrain_truth_at(pgm->desc.terrain, place_m[0], place_m[1], &height_q, NULL);
+    else
+        terrain_bounds(pgm->desc.terrain, info->finest, cell[0], cell[1], cell[0] + 1, cell[1] + 1, &low,
+                       &high);
+    *ground_m = info->quantum_m * (known ? height_q : low) + info->offset_m;
+    return known;
 }
 
 static int32_t near_zero(int64_t cells)
@@ -695,14 +710,14 @@ static void update_view(struct pgm *pgm, struct selection *selection, const stru
     selection->triangles = 0;
     selection->share_below = 0;
     selection->coarsened = 0;
-    pgm->world.ground_m = ground_under(pgm->desc.terrain, view->eye_m);
-    selection->below_ground = view->eye_m[2] < pgm->world.ground_m;
+    bool known = ground_under(pgm, view->eye_m, &pgm->world.ground_m);
+    selection->below_ground = !known || view->eye_m[2] < pgm->world.ground_m;
     pgm_sampler_aim(sampler, view, &pgm->world, &pgm->settings);
     if (sampler->empty) return;
     struct pgm_settings *used = &selection->used;
     pgm_rows_fit(sampler, view, &pgm->world, &pgm->settings, pgm->mesh_rows, used);
     pgm_rows_lay(sampler, view, &pgm->world, used, pgm->rows);
-    if (!pgm_atlas_is_whole(&pgm->atlas))
+    if (!pgm_atlas_is_full(&pgm->atlas))
         for (int j = 0; j <= used->rows; j++)
             selection->coarsened += coarsen_row(pgm, &pgm->rows[j], sampler, view);
     fill_block(pgm, selection, view);
@@ -721,8 +736,9 @@ static bool pgm_update(struct renderer *renderer, const struct view *views, int 
     // Tiles follow the first viewer; another makes do with what it finds there: coarser, but without holes.
     uint64_t before = gpu_counters(pgm->desc.gpu).upload_bytes;
     if (count > 0) {
-        pgm_atlas_follow(&pgm->atlas, pgm->desc.gpu, pgm->desc.terrain, &views[0]);
-        pgm_atlas_follow(&pgm->colours, pgm->desc.gpu, pgm->desc.terrain, &views[0]);
+        terrain_reader_begin_frame(pgm->reader, pgm->frame, views[0].eye_m);
+        pgm_atlas_follow(&pgm->atlas, pgm->desc.gpu, pgm->desc.terrain, pgm->reader, &views[0]);
+        pgm_atlas_follow(&pgm->colours, pgm->desc.gpu, pgm->desc.terrain, NULL, &views[0]);
     }
     pgm->refilled_bytes = gpu_counters(pgm->desc.gpu).upload_bytes - before;
     for (int i = 0; i < count; i++) update_view(pgm, &pgm->selections[i], &views[i]);
@@ -804,7 +820,8 @@ static void pgm_stats(const struct renderer *renderer, struct renderer_stats *st
                      {"colour_side", pgm->colours.side},
                      {"colour_bytes", (double)pgm_atlas_bytes(&pgm->colours)},
                      {"refilled_bytes", (double)pgm->refilled_bytes},
-                     {"rows_coarsened", selection->coarsened}},
+                     {"rows_coarsened", selection->coarsened},
+                     {"windows_late", (double)terrain_reader_counters(pgm->reader).missed}},
     };
 }
 

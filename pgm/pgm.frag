@@ -111,16 +111,22 @@ vec2 slope_at(int level)
 #endif
 }
 
+bool is_held(int level)
+{
+#if defined(TILED)
+    vec2 cell_place = clamp(v_relative.xy * cells[level].xy + cells[level].zw, -1e9, 1e9);
+    ivec2 corner = eyes[level].xy + ivec2(floor(cell_place));
+    bool inside = all(greaterThanEqual(corner, slots[level].xy)) && all(lessThan(corner, slots[level].zw));
+    return inside || (slots[level].xy == ivec2(0) && slots[level].zw == tiles[level].xy - 1); // full: the map ends
+#else
+    return true;
+#endif
+}
+
 // The finest level, from one on, that is in memory here: between two rows it may end.
 int held_level(int level, int last)
 {
-    while (level < last) {
-        vec2 cell_place = clamp(v_relative.xy * cells[level].xy + cells[level].zw, -1e9, 1e9);
-        ivec2 corner = eyes[level].xy + ivec2(floor(cell_place));
-        if (all(greaterThanEqual(corner, slots[level].xy)) && all(lessThan(corner, slots[level].zw))) break;
-        if (slots[level].x == 0 && slots[level].y == 0 && slots[level].zw == tiles[level].xy - 1) break; // whole: the map ends
-        level++;
-    }
+    while (level < last && !is_held(level)) level++;
     return level;
 }
 
@@ -132,7 +138,7 @@ vec2 ground_slope()
     int wanted = min(int(floor(v_lambda)), base.y), level = held_level(wanted, base.y);
     vec2 slope = slope_at(level);
 #if !defined(ONE_FETCH)
-    if (level == wanted && level < base.y) slope = mix(slope, slope_at(level + 1), fract(v_lambda));
+    if (level == wanted && level < base.y && is_held(level + 1)) slope = mix(slope, slope_at(level + 1), fract(v_lambda));
 #endif
     return slope;
 #endif
@@ -176,7 +182,7 @@ vec3 ground_colour()
     int slot = held_level(wanted, base.z);
     vec3 colour = colour_at(slot);
 #if !defined(ONE_FETCH)
-    if (slot == wanted && slot < base.z) colour = mix(colour, colour_at(slot + 1), fract(colour_level(v_lambda)));
+    if (slot == wanted && slot < base.z && is_held(slot + 1)) colour = mix(colour, colour_at(slot + 1), fract(colour_level(v_lambda)));
 #endif
     return colour;
 #endif

@@ -1,7 +1,7 @@
 // Lays the persistent grid over the ground: row table to place, place to height.  Livny et al. 2008, sections 3.1 to 3.5.
 //   FILTER_NEAREST, _BILINEAR, _TRIANGLE  how a level is read between samples
 //   FETCH_PACKED, _PLAIN, _MIPMAP, _LINEAR  what a texel holds (pgm_atlas.h); WIDE: heights span more than 16 bits
-//   TILED                                 some levels are tiles about the viewer: their texels wrap
+//   TILED                                 some levels are tiles about the viewer: their texels wrap; or arrive later
 //   MANY_HEIGHTS                          a texture for each level, chosen by branching
 //   MAPPING_PUBLISHED                     Equation 1 as printed; WEIGHT_PUBLISHED: Equation 7 as printed
 // The levels' tiles, cells and texels are in pgm_levels.glsl.

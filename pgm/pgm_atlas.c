@@ -7,7 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PIECE = 32768, SIDE_LEAST = 16 }; // texels of one upload; smallest tile worth having
+// Texels of one upload; smallest tile worth having; samples of a level that are waited for at the start.
+enum { PIECE = 32768, SIDE_LEAST = 16, SOON = 1 << 18 };
 
 static int64_t smaller(int64_t a, int64_t b)
 {
@@ -123,6 +124,13 @@ bool pgm_atlas_is_whole(const struct pgm_atlas *atlas)
 {
     for (int k = 0; k < atlas->levels; k++)
         if (!pgm_window_is_whole(&atlas->slots[k].window)) return false;
+    return true;
+}
+
+bool pgm_atlas_is_full(const struct pgm_atlas *atlas)
+{
+    for (int k = 0; k < (is_mipmapped(atlas) ? 1 : atlas->levels); k++) // the hardware makes the others
+        if (!pgm_window_is_full(&atlas->slots[k].window)) return false;
     return true;
 }
 
@@ -246,6 +254,14 @@ struct pgm_place pgm_atlas_place(const struct pgm_atlas *atlas, const struct ter
 
 // ---- texels ----------------------------------------------------------------
 
+// A window of samples; waits for it, or was asked for it before, in this frame.
+static void read_window(const struct pgm_atlas *atlas, const struct terrain *terrain, int level, int64_t x,
+                        int64_t y, int width, int height, int32_t *out)
+{
+    if (!atlas->reader || !terrain_reader_window(atlas->reader, level, x, y, width, height, out))
+        terrain_window(terrain, level, x, y, width, height, out, TERRAIN_WAIT);
+}
+
 static int64_t half_of(int64_t index) // rounds towards minus infinity
 {
     return index >= 0 ? index / 2 : -((1 - index) / 2);
@@ -275,10 +291,9 @@ static void pack(const struct pgm_atlas *atlas, const struct terrain *terrain, i
     int64_t px = parent ? half_of(box->x0) : box->x0, py = parent ? half_of(box->y0) : box->y0;
     int parent_width = (int)((parent ? half_of(box->x1 - 1) : box->x1 - 1) - px) + 2;
     int parent_height = (int)((parent ? half_of(box->y1 - 1) : box->y1 - 1) - py) + 2;
-    terrain_window(terrain, atlas->finest + k, box->x0, box->y0, width + 1, height + 1, atlas->heights,
-                   TERRAIN_WAIT);
-    terrain_window(terrain, atlas->finest + k + parent, px, py, parent_width, parent_height, atlas->parents,
-                   TERRAIN_WAIT);
+    read_window(atlas, terrain, atlas->finest + k, box->x0, box->y0, width + 1, height + 1, atlas->heights);
+    read_window(atlas, terrain, atlas->finest + k + parent, px, py, parent_width, parent_height,
+                atlas->parents);
     uint32_t *out = atlas->texels;
     int words = atlas->narrow ? 2 : 4;
     for (int j = 0; j < height; j++)
@@ -315,7 +330,7 @@ void pgm_atlas_texels(const struct pgm_atlas *atlas, const struct terrain *terra
         pack(atlas, terrain, k, box);
         return;
     }
-    terrain_window(terrain, atlas->finest + k, box->x0, box->y0, width, height, atlas->heights, TERRAIN_WAIT);
+    read_window(atlas, terrain, atlas->finest + k, box->x0, box->y0, width, height, atlas->heights);
     if (holds_floats(atlas))
         for (size_t i = 0; i < count; i++) ((float *)atlas->texels)[i] = (float)atlas->heights[i];
     else if (atlas->narrow)
@@ -343,8 +358,7 @@ void pgm_atlas_shading(const struct pgm_atlas *atlas, const struct terrain *terr
     double slope_m[2]; // of a difference over two cells, a quantum
     for (int axis = 0; axis < 2; axis++)
         slope_m[axis] = info->quantum_m / ldexp(info->spacing_m[axis], level + 1);
-    terrain_window(terrain, level, box->x0 - 1, box->y0 - 1, width + 3, height + 3, atlas->heights,
-                   TERRAIN_WAIT);
+    read_window(atlas, terrain, level, box->x0 - 1, box->y0 - 1, width + 3, height + 3, atlas->heights);
     uint32_t *out = atlas->texels;
     for (int j = 0; j < height; j++)
         for (int i = 0; i < width; i++)
@@ -385,7 +399,24 @@ struct upload {
     int k;
 };
 
-static bool upload_box(void *user, const struct terrain_extent *samples, int x, int y)
+// The samples that the texels of a box are made of, those of its parent included.
+static bool is_there(void *user, const struct terrain_extent *box)
+{
+    const struct upload *upload = user;
+    const struct pgm_atlas *atlas = upload->atlas;
+    int level = atlas->finest + upload->k, rim = atlas->storage.shaded ? 1 : 0;
+    int more = rim || atlas->storage.fetch == PGM_FETCH_PACKED ? 1 : 0;
+    int width = (int)(box->x1 - box->x0) + 2 * rim + more, height = (int)(box->y1 - box->y0) + 2 * rim + more;
+    if (!atlas->reader || atlas->storage.picture) return true;
+    if (!terrain_reader_window(atlas->reader, level, box->x0 - rim, box->y0 - rim, width, height, NULL))
+        return false;
+    if (atlas->storage.fetch != PGM_FETCH_PACKED || upload->k + 1 == atlas->levels) return true;
+    int64_t x = half_of(box->x0), y = half_of(box->y0);
+    return terrain_reader_window(atlas->reader, level + 1, x, y, (int)(half_of(box->x1 - 1) - x) + 2,
+                                 (int)(half_of(box->y1 - 1) - y) + 2, NULL);
+}
+
+static void upload_box(void *user, const struct terrain_extent *samples, int x, int y)
 {
     const struct upload *upload = user;
     struct pgm_atlas *atlas = upload->atlas;
@@ -408,22 +439,23 @@ static bool upload_box(void *user, const struct terrain_extent *samples, int x, 
         gpu_texture_sub_image(upload->gpu, GL_TEXTURE_2D, -1, column, row, width, height, shading.format,
                               shading.type, atlas->texels);
     }
-    return true;
 }
 
 static void follow_level(struct pgm_atlas *atlas, struct gpu *gpu, const struct terrain *terrain, int k,
                          const int64_t eye[2], uint64_t *budget)
 {
     struct upload upload = {atlas, gpu, terrain, k};
-    pgm_window_follow(&atlas->slots[k].window, eye, budget, upload_box, &upload);
+    const struct pgm_loader loader = {&upload, is_there, upload_box};
+    pgm_window_follow(&atlas->slots[k].window, eye, budget, &loader);
 }
 
 void pgm_atlas_follow(struct pgm_atlas *atlas, struct gpu *gpu, const struct terrain *terrain,
-                      const struct view *view)
+                      struct terrain_reader *reader, const struct view *view)
 {
+    atlas->reader = reader;
     uint64_t budget = atlas->storage.budget_bytes / texel_bytes(atlas);
-    for (int k = atlas->levels - 1; k >= 0; k--) {
-        if (pgm_window_is_whole(&atlas->slots[k].window)) continue;
+    for (int k = (pgm_atlas_is_full(atlas) ? 0 : atlas->levels) - 1; k >= 0; k--) {
+        if (pgm_window_is_full(&atlas->slots[k].window)) continue;
         struct pgm_place place = pgm_atlas_place(atlas, terrain, view, k);
         follow_level(atlas, gpu, terrain, k, place.cell, &budget);
     }
@@ -470,6 +502,17 @@ static bool make_room(struct pgm_atlas *atlas)
     return atlas->heights && atlas->parents && atlas->texels;
 }
 
+// Levels that are held whole from the start: the coarsest, small ones, and those that take no reading.
+static bool is_filled_first(const struct pgm_atlas *atlas, const struct terrain *terrain, int k)
+{
+    const struct pgm_window *window = &atlas->slots[k].window;
+    size_t stride;
+    return pgm_window_is_whole(window) &&
+           (k == atlas->levels - 1 || (int64_t)window->width * window->height <= SOON ||
+            is_mipmapped(atlas) || atlas->storage.picture ||
+            terrain_samples(terrain, atlas->finest + k, &stride));
+}
+
 bool pgm_atlas_init(struct pgm_atlas *atlas, struct gpu *gpu, const struct terrain *terrain,
                     const struct pgm_storage *storage)
 {
@@ -482,7 +525,7 @@ bool pgm_atlas_init(struct pgm_atlas *atlas, struct gpu *gpu, const struct terra
         uint64_t all = UINT64_MAX;
         const struct pgm_window *window = &atlas->slots[k].window;
         const int64_t anywhere[2] = {window->extent.x0, window->extent.y0};
-        if (pgm_window_is_whole(window)) follow_level(atlas, gpu, terrain, k, anywhere, &all);
+        if (is_filled_first(atlas, terrain, k)) follow_level(atlas, gpu, terrain, k, anywhere, &all);
     }
     if (is_mipmapped(atlas)) {
         let_the_hardware_filter(atlas->textures[0]);

@@ -5,6 +5,7 @@
 #define PGM_PGM_ATLAS_H
 
 #include "common/gl/gpu.h"
+#include "common/terrain/reader.h"
 #include "pgm/pgm_picture.h"
 #include "pgm/pgm_sampler.h"
 #include "pgm/pgm_windows.h"
@@ -50,7 +51,8 @@ struct pgm_atlas {
     bool narrow; // heights in 16 bits, else 32
     int side;    // largest tile, texels
     struct pgm_slot slots[PGM_LEVELS_MAX];
-    int32_t *heights, *parents; // room for one piece of an upload
+    struct terrain_reader *reader; // of the frame; NULL: terrain is waited for
+    int32_t *heights, *parents;    // room for one piece of an upload
     void *texels;
 };
 
@@ -59,15 +61,16 @@ struct pgm_atlas {
 bool pgm_atlas_layout(struct pgm_atlas *atlas, const struct terrain *terrain,
                       const struct pgm_storage *storage);
 
-// Lays out, allocates and fills what is held whole.  The atlas starts zeroed.  False after one line on
-// stderr.
+// Lays out, allocates and fills what is held whole, but for large levels of terrain that is not in memory:
+// these arrive as tiles do.  The atlas starts zeroed.  False after one line on stderr.
 bool pgm_atlas_init(struct pgm_atlas *atlas, struct gpu *gpu, const struct terrain *terrain,
                     const struct pgm_storage *storage);
 void pgm_atlas_finish(struct pgm_atlas *atlas); // accepts a zeroed struct
 
-// Moves the tiles to a viewer and uploads within the budget of a frame.
+// Moves the tiles to a viewer and uploads within the budget of a frame what the reader has; NULL: terrain is
+// waited for.
 void pgm_atlas_follow(struct pgm_atlas *atlas, struct gpu *gpu, const struct terrain *terrain,
-                      const struct view *view);
+                      struct terrain_reader *reader, const struct view *view);
 
 // Where slot k's samples lie: the cell that a viewer is in, in samples, the viewer's place in it, and metres
 // from sample to sample, x and y.
@@ -80,7 +83,8 @@ struct pgm_place pgm_atlas_place(const struct pgm_atlas *atlas, const struct ter
                                  const struct view *view, int k);
 
 int pgm_atlas_textures(const struct pgm_atlas *atlas);  // how many; as many again for shading
-bool pgm_atlas_is_whole(const struct pgm_atlas *atlas); // every level is
+bool pgm_atlas_is_whole(const struct pgm_atlas *atlas); // every level has room for all of it
+bool pgm_atlas_is_full(const struct pgm_atlas *atlas);  // and all of it is in memory
 size_t pgm_atlas_bytes(const struct pgm_atlas *atlas);
 // All samples of all levels, as this storage would hold them whole.  PURE.
 size_t pgm_atlas_whole_bytes(const struct terrain *terrain, const struct pgm_storage *storage);

@@ -1,5 +1,5 @@
 // Where the samples of heights' levels, and after them those of colours', are, for vertices and for fragments.  TILED: some
-// levels are tiles about the viewer, whose texels wrap.  EDGE_CLAMPED: what lies beyond the map reads its border.
+// levels are tiles about the viewer, whose texels wrap, or arrive later.  EDGE_CLAMPED: what lies beyond the map reads its border.
 layout(std140) uniform sampling {
     vec4 axes;               // e_f, e_r
     vec4 across;             // X of the columns in use: x X + y; z: from a level of heights to one of colours

@@ -6,6 +6,7 @@
 // extent.x0 has texel (i - extent.x0) mod width, so a move changes only what it exposes: an L in each tile,
 // and an F in tiles that stand side by side.  What is in memory is always a rectangle.  It grows outwards
 // from the viewer, coarse levels first; rows of the grid read the finest level that holds all they need.
+// Samples that are not there yet are passed over and asked for again until they are.
 // SPDX-License-Identifier: MIT
 #ifndef PGM_PGM_WINDOWS_H
 #define PGM_PGM_WINDOWS_H
@@ -29,14 +30,22 @@ bool pgm_window_is_whole(const struct pgm_window *window);
 // True where the samples from x0, y0 to x1, y1 (ends included), as far as the level has them, are in memory.
 bool pgm_window_holds(const struct pgm_window *window, const int64_t from[2], const int64_t to[2]);
 
-// Loads a rectangle of samples that does not cross a seam of the tile, whose south-west corner has texel x, y
-// of the tile.  False: not here yet.
-typedef bool pgm_load_fn(void *user, const struct terrain_extent *samples, int x, int y);
+bool pgm_window_is_full(const struct pgm_window *window); // all of the level is in memory
+
+struct pgm_loader {
+    void *user;
+    // True where all of a rectangle of samples can be loaded now; else they are asked for.  NULL: always.
+    bool (*is_there)(void *user, const struct terrain_extent *samples);
+    // Loads a rectangle that does not cross a seam of the tile, whose south-west corner has texel x, y of the
+    // tile.
+    void (*load)(void *user, const struct terrain_extent *samples, int x, int y);
+};
 
 // Moves the tile to a viewer who stands in cell `eye` of the level, drops what it no longer covers and loads
-// at most *budget samples of what it newly covers, nearest first; *budget is lowered by what was loaded.
-void pgm_window_follow(struct pgm_window *window, const int64_t eye[2], uint64_t *budget, pgm_load_fn *load,
-                       void *user);
+// at most *budget samples of what it newly covers and what is there, nearest first; *budget is lowered by
+// what was loaded.
+void pgm_window_follow(struct pgm_window *window, const int64_t eye[2], uint64_t *budget,
+                       const struct pgm_loader *loader);
 
 // Least of the samples that have one texel each: the tile's window of `held` counts from here, and texels of
 // what it holds are below 2 * width, 2 * height from it, to be wrapped once.

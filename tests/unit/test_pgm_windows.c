@@ -12,13 +12,19 @@ struct memory { // a tile's texels, each with the sample that was put there
     struct pgm_window *window;
     int64_t texels[MOST][MOST][2];
     uint64_t loaded;
-    bool refuses;
+    int64_t late_x; // samples from here on are not there yet
 };
 
-static bool load(void *user, const struct terrain_extent *samples, int x, int y)
+static bool is_there(void *user, const struct terrain_extent *samples)
+{
+    const struct memory *memory = user;
+    return samples->x1 <= memory->late_x;
+}
+
+static void load(void *user, const struct terrain_extent *samples, int x, int y)
 {
     struct memory *memory = user;
-    if (memory->refuses) return false;
+    assert_true(samples->x1 <= memory->late_x);
     const struct terrain_extent *held = &memory->window->held;
     assert_true(x >= 0 && y >= 0 && x + (samples->x1 - samples->x0) <= memory->window->width &&
                 y + (samples->y1 - samples->y0) <= memory->window->height);
@@ -31,7 +37,12 @@ static bool load(void *user, const struct terrain_extent *samples, int x, int y)
             texel[0] = i, texel[1] = j;
             memory->loaded++;
         }
-    return true;
+}
+
+static void follow(struct memory *memory, const int64_t eye[2], uint64_t *budget)
+{
+    const struct pgm_loader loader = {memory, is_there, load};
+    pgm_window_follow(memory->window, eye, budget, &loader);
 }
 
 static struct memory *make_memory(struct pgm_window *window, int64_t first, int64_t extent, int side)
@@ -42,6 +53,7 @@ static struct memory *make_memory(struct pgm_window *window, int64_t first, int6
     window->width = extent < side ? (int)extent : side;
     window->height = extent / 2 + 1 < side ? (int)(extent / 2 + 1) : side;
     memory->window = window;
+    memory->late_x = INT64_MAX;
     return memory;
 }
 
@@ -89,22 +101,23 @@ static void test_walks_keep_texels_and_budgets(void **state)
             for (int step = 0; step < test_size(400, 20000); step++) {
                 uint64_t granted = (uint64_t)sides[s] + test_random(&seed) % 500, budget = granted;
                 memory->loaded = 0;
-                memory->refuses = test_random(&seed) % 9 == 0;
                 step_eye(&seed, &window.extent, eye);
-                pgm_window_follow(&window, eye, &budget, load, memory);
+                bool late = test_random(&seed) % 3 == 0;
+                memory->late_x = late ? eye[0] + (int64_t)(test_random(&seed) % 100) - 50 : INT64_MAX;
+                follow(memory, eye, &budget);
                 assert_true(memory->loaded <= granted && budget == granted - memory->loaded);
                 assert_true(area(&window.held) == 0 ||
                             (window.held.x0 >= window.tile.x0 && window.held.x1 <= window.tile.x1 &&
                              window.held.y0 >= window.tile.y0 && window.held.y1 <= window.tile.y1));
                 check_texels(memory);
             }
-            memory->refuses = false;
+            memory->late_x = INT64_MAX;
             // At rest, each frame that is granted a line of the tile brings at least one sample.
             int64_t frames = 0, missing = area(&window.tile) - area(&window.held);
             for (; area(&window.held) < area(&window.tile); frames++) {
                 uint64_t budget = (uint64_t)sides[s];
                 assert_true(frames <= missing);
-                pgm_window_follow(&window, eye, &budget, load, memory);
+                follow(memory, eye, &budget);
             }
             check_texels(memory);
             free(memory);
@@ -118,22 +131,44 @@ static void test_moves_load_an_l(void **state)
     struct memory *memory = make_memory(&window, -50, 500, 64);
     int64_t eye[2] = {150, 170};
     uint64_t budget = UINT64_MAX;
-    pgm_window_follow(&window, eye, &budget, load, memory);
+    follow(memory, eye, &budget);
     assert_true(memory->loaded == 64 * 64);
     eye[0] += 40, eye[1] -= 30; // the slack is used up once
-    pgm_window_follow(&window, eye, &budget, load, memory);
+    follow(memory, eye, &budget);
     for (int move = 1; move < 8; move++) {
         memory->loaded = 0;
         eye[0] += move, eye[1] -= 3;
-        pgm_window_follow(&window, eye, &budget, load, memory);
+        follow(memory, eye, &budget);
         assert_true(memory->loaded == (uint64_t)(64 * 64 - (64 - move) * (64 - 3)));
     }
     memory->loaded = 0;
     for (int swing = 0; swing < 100; swing++) { // about a sample, by less than the slack
         int64_t there[2] = {eye[0] - swing % 3, eye[1] + swing % 2};
-        pgm_window_follow(&window, there, &budget, load, memory);
+        follow(memory, there, &budget);
     }
     assert_true(memory->loaded == 0);
+    free(memory);
+}
+
+// What is there is loaded though more, nearer to the viewer, is not.
+static void test_late_samples_hold_nothing_else_up(void **state)
+{
+    (void)state;
+    struct pgm_window window;
+    struct memory *memory = make_memory(&window, 0, 500, 64);
+    const int64_t eye[2] = {200, 0};
+    memory->late_x = 201; // the tile is 168 .. 232, against the south edge
+    for (int frame = 0; frame < 3; frame++) {
+        uint64_t budget = UINT64_MAX;
+        follow(memory, eye, &budget);
+        assert_true(window.held.x0 == window.tile.x0 && window.held.x1 == 201);
+        assert_true(area(&window.held) == 33 * 64 && memory->loaded == 33 * 64);
+    }
+    memory->late_x = INT64_MAX;
+    uint64_t budget = UINT64_MAX;
+    follow(memory, eye, &budget);
+    assert_true(memory->loaded == 64 * 64);
+    check_texels(memory);
     free(memory);
 }
 
@@ -146,8 +181,9 @@ static void test_whole_levels_are_loaded_once(void **state)
     for (int64_t step = 0; step < 50; step++) {
         uint64_t budget = UINT64_MAX;
         const int64_t eye[2] = {7 * step - 100, 31 - step * step};
-        pgm_window_follow(&window, eye, &budget, load, memory);
-        assert_true(memory->loaded == 60 * 31 && area(&window.held) == 60 * 31);
+        follow(memory, eye, &budget);
+        assert_true(memory->loaded == 60 * 31 && area(&window.held) == 60 * 31 &&
+                    pgm_window_is_full(&window));
     }
     check_texels(memory);
     // Whatever lies off the map repeats its edge, which is there.
@@ -165,7 +201,7 @@ static void test_holds_what_is_held(void **state)
     const int64_t eye[2] = {5, 80};
     const int64_t anywhere[2] = {5, 80};
     assert_false(pgm_window_holds(&window, anywhere, anywhere));
-    pgm_window_follow(&window, eye, &budget, load, memory); // against the west edge of the map
+    follow(memory, eye, &budget); // against the west edge of the map
     for (int k = 0; k < 20000; k++) {
         int64_t from[2], to[2];
         bool expected = true;
@@ -191,6 +227,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_walks_keep_texels_and_budgets),
         cmocka_unit_test(test_moves_load_an_l),
+        cmocka_unit_test(test_late_samples_hold_nothing_else_up),
         cmocka_unit_test(test_whole_levels_are_loaded_once),
         cmocka_unit_test(test_holds_what_is_held),
     };
