@@ -111,6 +111,7 @@ struct geomipmap {
     struct geomipmap_choice choice;
     struct geomipmap_mesh mesh;
     struct geomipmap_tiles tiles;
+    struct terrain_reader *reader; // NULL: the terrain is in memory
     struct geomipmap_cache cache;
     struct geomipmap_cache_counts counts_before; // of the cache, when the frame began
     struct geomipmap_view views[RENDERER_MAX_VIEWS];
@@ -195,7 +196,7 @@ static void upload_tile(struct geomipmap *g, const struct geomipmap_pick *pick, 
     struct texel texel = {.cell = {place.column * size, place.row * size}, .height = place.height};
     size_t bytes = (size_t)g->tile_vertices * g->vertex_bytes;
     const void *data = g->heights;
-    geomipmap_tiles_read(tiles, place, tiles->filtered ? &pick->form : NULL, g->heights);
+    geomipmap_tiles_read(tiles, g->reader, place, tiles->filtered ? &pick->form : NULL, g->heights);
     if (tiles->filtered) g->forms[slot] = pick->form;
     if (!tiles->wide) {
         texel.base = geomipmap_tiles_range(tiles, place).low;
@@ -380,11 +381,25 @@ static uint64_t set_triangles(const struct geomipmap_mesh *mesh, int set)
     return triangles;
 }
 
+// Below the highest sample around the eye.
+static bool below_bounds(const struct terrain *terrain, const struct view *view)
+{
+    const struct terrain_info *info = terrain_info(terrain);
+    struct view_origin eye = view_level_origin(view, info->finest);
+    int32_t low, high;
+    terrain_bounds(terrain, info->finest, eye.base[0], eye.base[1], eye.base[0] + 1, eye.base[1] + 1, &low,
+                   &high);
+    return view->eye_m[2] < high * info->quantum_m + info->offset_m;
+}
+
 // Beside the map the nearest place on it counts.
 static bool below_ground(const struct terrain *terrain, const struct view *view)
 {
     const struct terrain_info *info = terrain_info(terrain);
     double place[2], quanta = info->min_q;
+    size_t stride;
+    if (!terrain_samples(terrain, info->finest, &stride)) // nothing is waited for
+        return below_bounds(terrain, view);
     for (int axis = 0; axis < 2; axis++)
         place[axis] = fmin(fmax(view->eye_m[axis], info->outline_m[axis]), info->outline_m[axis + 2]);
     terrain_truth_at(terrain, place[0], place[1], &quanta, NULL);
@@ -415,6 +430,7 @@ static bool update(struct renderer *renderer, const struct view *views, int coun
 {
     struct geomipmap *g = (struct geomipmap *)renderer;
     g->view_count = count;
+    if (g->reader) terrain_reader_begin_frame(g->reader, g->frame, views[0].eye_m);
     if (g->own_shading) geomipmap_shading_begin(&g->shading);
     for (int i = 0; i < count; i++) {
         struct geomipmap_view *view = &g->views[i];
@@ -555,9 +571,10 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
     const struct geomipmap_cache_counts *now = &g->cache.counts, *before = &g->counts_before;
     double samples = (double)terrain_info(g->tiles.terrain)->samples;
     size_t own = tile_bytes(g);
+    int late = g->view_count > 0 ? g->views[0].selection.late : 0;
     *stats = (struct renderer_stats){
         .triangles = g->view_count > 0 ? g->views[0].triangles : 0,
-        .claimed_error_px = g->choice.metric == GEOMIPMAP_MEAN ? (double)NAN : g->choice.tau_px,
+        .claimed_error_px = g->choice.metric == GEOMIPMAP_MEAN || late > 0 ? (double)NAN : g->choice.tau_px,
         .resident_bytes =
             buffer_bytes(g) + g->shading.light.resident_bytes + g->shading.colour.resident_bytes,
         .counters = {{"tiles", g->view_count > 0 ? g->views[0].drawn : 0},
@@ -567,6 +584,7 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
                      {"grown", (double)(now->grown - before->grown)},
                      {"shrunk", (double)(now->shrunk - before->shrunk)},
                      {"slots", g->cache.slot_count},
+                     {"late", late},
                      {"reformed", (double)g->reformed},
                      {"height_bytes", (double)g->vertex_bytes},
                      {"index_bytes", (double)(g->mesh.index_count * sizeof *g->mesh.indices)},
@@ -668,6 +686,7 @@ static void destroy(struct renderer *renderer)
         glDeleteBuffers(1, &g->views[i].morph_buffer);
         glDeleteTextures(1, &g->views[i].morph_texture);
     }
+    terrain_reader_destroy(g->reader);
     free(g->forms);
     free(g->heights);
     free(g->heights_16);
@@ -685,6 +704,17 @@ static bool init_shading(struct geomipmap *g, const struct renderer_desc *desc)
                                             image ? image->pixels : NULL};
     return geomipmap_shading_init(&g->shading, g->gpu, &g->tiles, &colour, (int)desc->knobs[KNOB_TEXTURE],
                                   (size_t)desc->knobs[KNOB_TEXTURES] * 1024);
+}
+
+// Samples of the finest level are too many to be asked for tile by tile: without the levels they are waited
+// for.
+static bool init_reader(struct geomipmap *g, const struct renderer_desc *desc, bool filtered)
+{
+    size_t stride;
+    if (!filtered || terrain_samples(desc->terrain, terrain_info(desc->terrain)->finest, &stride))
+        return true;
+    g->choice.reader = g->reader = terrain_reader_create(desc->terrain, desc->realtime);
+    return g->reader;
 }
 
 static bool init(struct geomipmap *g, const struct renderer_desc *desc)
@@ -705,6 +735,7 @@ static bool init(struct geomipmap *g, const struct renderer_desc *desc)
     if (g->choice.borders == GEOMIPMAP_REMOVE) merge = 0;
     bool filtered = desc->knobs[KNOB_HEIGHTS] == HEIGHTS_LEVELS && !g->choice.morph &&
                     g->choice.borders != GEOMIPMAP_REMOVE;
+    if (!init_reader(g, desc, filtered)) return false;
     if (!geomipmap_mesh_init(&g->mesh, bits, g->choice.borders, desc->knobs[KNOB_INDICES] != 0) ||
         !geomipmap_tiles_init(&g->tiles, desc->terrain, bits, merge < most ? merge : most, delta, filtered,
                               0))

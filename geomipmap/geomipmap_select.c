@@ -82,6 +82,7 @@ struct scan { // of one view
     enum geomipmap_borders borders;
     double hysteresis;
     bool morph;
+    struct terrain_reader *reader;
     double corner_m[2]; // south-west corner of the map, relative to the eye
     double tile_m[2];   // size of a tile of height 0
     double eye_tile[2]; // the eye, in tiles of height 0
@@ -283,6 +284,29 @@ static struct geomipmap_place first_child(struct geomipmap_place place)
     return (struct geomipmap_place){place.height - 1, place.column * 2, place.row * 2};
 }
 
+// The finest level from `wanted` on that is there; else the coarsest, which is waited for.
+static int level_there(const struct scan *scan, struct geomipmap_place place, int wanted)
+{
+    int level = wanted, last = scan->tiles->levels - 1;
+    while (level < last && !geomipmap_tiles_ready(scan->tiles, scan->reader, place, level)) level++;
+    scan->selection->late += level > wanted;
+    return level;
+}
+
+// Whether the four smaller tiles in a tile's place can be drawn.
+static bool parts_there(const struct scan *scan, struct geomipmap_place place)
+{
+    const struct geomipmap_grid *grid = &scan->tiles->grid[place.height - 1];
+    struct geomipmap_place first = first_child(place);
+    bool there = true; // all are asked for
+    for (int n = 0; n < 4 && scan->reader; n++) {
+        struct geomipmap_place part = {first.height, first.column + n % 2, first.row + n / 2};
+        if (part.column < grid->columns && part.row < grid->rows)
+            there = geomipmap_tiles_ready(scan->tiles, scan->reader, part, scan->tiles->levels - 1) && there;
+    }
+    return there;
+}
+
 enum { MASK_OUTSIDE = 1 << FRUSTUM_PLANES }; // a plane's bit that is never tested: an ancestor was outside
 
 static void scan_tile(struct scan *scan, struct geomipmap_place place, unsigned mask)
@@ -305,7 +329,10 @@ static void scan_tile(struct scan *scan, struct geomipmap_place place, unsigned 
         struct grade grade = choose_grade(scan, place, &box, side == FRUSTUM_INSIDE);
         // Smaller tiles would not save triangles: 2 x 2 of them, at their coarsest, are this tile's second
         // coarsest level.
-        if (place.height == 0 || grade.level >= tiles->levels - 2) {
+        bool fine = place.height == 0 || grade.level >= tiles->levels - 2;
+        if (fine || !parts_there(scan, place)) {
+            scan->selection->late += !fine;
+            if (scan->reader) grade.level = level_there(scan, place, fine ? grade.level : tiles->levels - 2);
             add_pick(scan, place, grade, side);
             return;
         }
@@ -407,11 +434,12 @@ static void split_child(struct scan *scan, struct geomipmap_place place, unsigne
     struct box box = tile_box(scan, place);
     enum frustum_side side =
         mask == MASK_OUTSIDE ? FRUSTUM_OUTSIDE : frustum_test_box(&scan->frustum, box.low, box.high, &mask);
-    bool seen = side != FRUSTUM_OUTSIDE;
-    add_pick(scan, place,
-             seen ? choose_grade(scan, place, &box, side == FRUSTUM_INSIDE)
-                  : (struct grade){scan->tiles->levels - 1, 0, 0},
-             side);
+    struct grade grade = {scan->tiles->levels - 1, 0, 0};
+    if (side != FRUSTUM_OUTSIDE) {
+        grade = choose_grade(scan, place, &box, side == FRUSTUM_INSIDE);
+        if (scan->reader) grade.level = level_there(scan, place, grade.level);
+    }
+    add_pick(scan, place, grade, side);
 }
 
 // Puts the four smaller tiles in the place of a pick: the first takes over its entry, so that the order
@@ -553,7 +581,7 @@ static void forget(struct scan *scan)
     struct geomipmap_selection *selection = scan->selection;
     const struct geomipmap_cover nothing = {GEOMIPMAP_NOTHING, GEOMIPMAP_NOTHING, 0};
     for (int i = 0; i < selection->count; i++) set_cover(scan, selection->picks[i].place, nothing);
-    selection->count = selection->seen = selection->listed = 0;
+    selection->count = selection->seen = selection->listed = selection->late = 0;
 }
 
 bool geomipmap_select(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles,
@@ -566,6 +594,7 @@ bool geomipmap_select(struct geomipmap_selection *selection, const struct geomip
                         .borders = choice->borders,
                         .hysteresis = choice->hysteresis,
                         .morph = choice->morph,
+                        .reader = choice->reader,
                         .last = NONE};
     struct view_origin eye = view_level_origin(view, tiles->finest);
     const int64_t first[2] = {tiles->x0, tiles->y0};

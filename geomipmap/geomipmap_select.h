@@ -11,6 +11,10 @@
 // in this, so that what is seen does not depend on culling.  Only GEOMIPMAP_REMOVE, which knows tiles of one
 // size alone (merge 0), draws the vertices of the coarser side instead.
 //
+// Of terrain that is read on demand, a tile is drawn at the finest level that is there, and is not divided
+// before its parts are there at their coarsest: until then it counts as late.  Borders and corners, a few
+// samples a tile, and the coarsest level of the largest tiles are waited for.
+//
 // With morphing, the vertices that the next coarser level lacks move towards it as it comes near, and are
 // there when the level changes.  A tile's inside moves with its own error, each side with the least of the
 // tiles that meet there at the finest level.
@@ -53,6 +57,7 @@ struct geomipmap_choice { // how to select; the same for all frames
     enum geomipmap_borders borders;
     double hysteresis; // 0: off; below 1
     bool morph;
+    struct terrain_reader *reader; // NULL: all is in memory
 };
 
 struct geomipmap_cover { // what covers a tile of height 0
@@ -65,6 +70,7 @@ enum { GEOMIPMAP_NOTHING = 255, GEOMIPMAP_MORPHED = 255 };
 struct geomipmap_selection {
     struct geomipmap_pick *picks; // those seen first
     int count, seen;              // of all; of those seen
+    int late;                     // tiles that are coarser than they should be
     struct geomipmap_pick *list;  // while selecting
     int listed, room;
     struct geomipmap_cover *cover; // by tile of height 0

@@ -52,19 +52,24 @@ static void read_stride(const struct terrain *terrain, int level, const int64_t 
     }
 }
 
-// What is drawn of every 2^step-th sample from sample (x, y) of the tiles on: of the level with that step
-// where tiles are filtered.  The coarsest levels may be missing; then the coarsest there is stands in.
-static void read_step(const struct geomipmap_tiles *tiles, int step, int64_t x, int64_t y, int width,
-                      int height, int32_t *out)
+// Above the finest level.
+static int level_of_step(const struct geomipmap_tiles *tiles, int step)
 {
     int coarsest = terrain_info(tiles->terrain)->coarsest - tiles->finest;
-    int up = !tiles->filtered ? 0 : step < coarsest ? step : coarsest;
+    return !tiles->filtered ? 0 : step < coarsest ? step : coarsest;
+}
+
+// What is drawn of every 2^step-th sample from sample (x, y) of the tiles on: of the level with that step
+// where tiles are filtered.  The coarsest levels may be missing; then the coarsest there is stands in.
+static void read_step(const struct geomipmap_tiles *tiles, struct terrain_reader *reader, int step, int64_t x,
+                      int64_t y, int width, int height, int32_t *out)
+{
+    int up = level_of_step(tiles, step), level = tiles->finest + up;
     const int64_t first[2] = {(tiles->x0 + x) >> up, (tiles->y0 + y) >> up};
-    if (step == up)
-        terrain_window(tiles->terrain, tiles->finest + up, first[0], first[1], width, height, out,
-                       TERRAIN_WAIT);
-    else
-        read_stride(tiles->terrain, tiles->finest + up, first, 1 << (step - up), width, height, out);
+    if (step != up)
+        read_stride(tiles->terrain, level, first, 1 << (step - up), width, height, out);
+    else if (!reader || !terrain_reader_window(reader, level, first[0], first[1], width, height, out))
+        terrain_window(tiles->terrain, level, first[0], first[1], width, height, out, TERRAIN_WAIT);
 }
 
 // ---- measuring ----------------------------------------------------------------------------------
@@ -121,8 +126,8 @@ static void read_corners(struct strip *strip, const struct geomipmap_tiles *tile
         for (int n = 0; n < 4 * GEOMIPMAP_LANES; n++) {
             int lane = n % GEOMIPMAP_LANES, east = n / GEOMIPMAP_LANES % 2, north = n / GEOMIPMAP_LANES / 2;
             int32_t q;
-            read_step(tiles, step, strip->x + (int64_t)(lane + east) * cells, strip->y + north * cells, 1, 1,
-                      &q);
+            read_step(tiles, NULL, step, strip->x + (int64_t)(lane + east) * cells, strip->y + north * cells,
+                      1, 1, &q);
             strip->corner_low[n] = fmin(strip->corner_low[n], q);
             strip->corner_high[n] = fmax(strip->corner_high[n], q);
         }
@@ -137,8 +142,8 @@ static void strip_read(struct strip *strip, const struct geomipmap_tiles *tiles,
                    GEOMIPMAP_LANES * cells + 1, cells + 1, strip->window, TERRAIN_WAIT);
     for (int level = 0; level < strip->bits && tiles->filtered; level++) {
         int across = 1 << (strip->bits - level);
-        read_step(tiles, strip->height + level, strip->x, strip->y, GEOMIPMAP_LANES * across + 1, across + 1,
-                  strip->level[level]);
+        read_step(tiles, NULL, strip->height + level, strip->x, strip->y, GEOMIPMAP_LANES * across + 1,
+                  across + 1, strip->level[level]);
     }
     if (tiles->filtered) read_corners(strip, tiles);
 }
@@ -359,22 +364,22 @@ const float *geomipmap_tiles_error(const struct geomipmap_tiles *tiles, struct g
 }
 
 // Row or column of one side, the vertices that its step draws, both ends left out.
-static void read_side(const struct geomipmap_tiles *tiles, int step, int64_t x, int64_t y, bool across,
-                      int count, int32_t *heights, int next)
+static void read_side(const struct geomipmap_tiles *tiles, struct terrain_reader *reader, int step, int64_t x,
+                      int64_t y, bool across, int count, int32_t *heights, int next)
 {
     int32_t line[(1 << GEOMIPMAP_MAX_BITS) + 1];
-    read_step(tiles, step, x, y, across ? count + 1 : 1, across ? 1 : count + 1, line);
+    read_step(tiles, reader, step, x, y, across ? count + 1 : 1, across ? 1 : count + 1, line);
     for (int i = 1; i < count; i++) heights[(size_t)i * (size_t)next] = line[i];
 }
 
-static void read_form(const struct geomipmap_tiles *tiles, struct geomipmap_place place,
-                      const struct geomipmap_form *form, int32_t *heights)
+static void read_form(const struct geomipmap_tiles *tiles, struct terrain_reader *reader,
+                      struct geomipmap_place place, const struct geomipmap_form *form, int32_t *heights)
 {
     int32_t inside[((1 << GEOMIPMAP_MAX_BITS) + 1) * ((1 << GEOMIPMAP_MAX_BITS) + 1)];
     int cells = 1 << tiles->bits, row = cells + 1, size = cells << place.height;
     int64_t x = (int64_t)place.column * size, y = (int64_t)place.row * size;
     int step = 1 << (form->inside - place.height), count = cells / step;
-    read_step(tiles, form->inside, x, y, count + 1, count + 1, inside);
+    read_step(tiles, reader, form->inside, x, y, count + 1, count + 1, inside);
     for (int j = 1; j < count; j++)
         for (int i = 1; i < count; i++) heights[j * step * row + i * step] = inside[j * (count + 1) + i];
     for (int side = 0; side < GEOMIPMAP_SIDES; side++) {
@@ -382,25 +387,35 @@ static void read_form(const struct geomipmap_tiles *tiles, struct geomipmap_plac
              far = side == GEOMIPMAP_EAST || side == GEOMIPMAP_NORTH;
         int fine = form->side[side] - place.height, next = (across ? 1 : row) << fine;
         int32_t *first = heights + (far ? across ? cells * row : cells : 0);
-        read_side(tiles, form->side[side], x + (far && !across ? size : 0), y + (far && across ? size : 0),
-                  across, cells >> fine, first, next);
+        read_side(tiles, reader, form->side[side], x + (far && !across ? size : 0),
+                  y + (far && across ? size : 0), across, cells >> fine, first, next);
     }
     for (int corner = 0; corner < GEOMIPMAP_SIDES; corner++) {
         bool east = corner < 2, north = corner == 1 || corner == 2;
-        read_step(tiles, form->corner[corner], x + (east ? size : 0), y + (north ? size : 0), 1, 1,
+        read_step(tiles, reader, form->corner[corner], x + (east ? size : 0), y + (north ? size : 0), 1, 1,
                   heights + (east ? cells : 0) + (north ? cells * row : 0));
     }
 }
 
-void geomipmap_tiles_read(const struct geomipmap_tiles *tiles, struct geomipmap_place place,
-                          const struct geomipmap_form *form, int32_t *heights)
+bool geomipmap_tiles_ready(const struct geomipmap_tiles *tiles, struct terrain_reader *reader,
+                           struct geomipmap_place place, int level)
+{
+    int step = place.height + level, up = level_of_step(tiles, step), cells = 1 << (tiles->bits - level);
+    if (!reader || step != up) return true;
+    return terrain_reader_window(reader, tiles->finest + up,
+                                 (tiles->x0 >> up) + (int64_t)place.column * cells,
+                                 (tiles->y0 >> up) + (int64_t)place.row * cells, cells + 1, cells + 1, NULL);
+}
+
+void geomipmap_tiles_read(const struct geomipmap_tiles *tiles, struct terrain_reader *reader,
+                          struct geomipmap_place place, const struct geomipmap_form *form, int32_t *heights)
 {
     int cells = 1 << tiles->bits, size = cells << place.height;
     if (form)
-        read_form(tiles, place, form, heights);
+        read_form(tiles, reader, place, form, heights);
     else
-        read_step(tiles, place.height, (int64_t)place.column * size, (int64_t)place.row * size, cells + 1,
-                  cells + 1, heights);
+        read_step(tiles, reader, place.height, (int64_t)place.column * size, (int64_t)place.row * size,
+                  cells + 1, cells + 1, heights);
 }
 
 size_t geomipmap_tiles_bytes(const struct geomipmap_tiles *tiles)

@@ -19,7 +19,7 @@
 #ifndef GEOMIPMAP_GEOMIPMAP_TILES_H
 #define GEOMIPMAP_GEOMIPMAP_TILES_H
 
-#include "common/terrain/terrain.h"
+#include "common/terrain/reader.h"
 #include "geomipmap/geomipmap_lod.h"
 
 // Without merging, culling begins with blocks of 8 x 8 tiles.
@@ -80,10 +80,16 @@ struct geomipmap_range geomipmap_tiles_range(const struct geomipmap_tiles *tiles
 // Its errors, by level.
 const float *geomipmap_tiles_error(const struct geomipmap_tiles *tiles, struct geomipmap_place place);
 
+// Whether what a filtered tile draws inside at one of its levels has arrived; else it is asked for.  reader
+// NULL: all is there.
+bool geomipmap_tiles_ready(const struct geomipmap_tiles *tiles, struct terrain_reader *reader,
+                           struct geomipmap_place place, int level);
+
 // Reads the (2^bits + 1)^2 heights that a tile holds, quanta.  form: of filtered tiles, of which only the
-// vertices drawn are written; else NULL.
-void geomipmap_tiles_read(const struct geomipmap_tiles *tiles, struct geomipmap_place place,
-                          const struct geomipmap_form *form, int32_t *heights);
+// vertices drawn are written; else NULL.  reader: what has arrived comes from it, what has not is waited for;
+// may be NULL.
+void geomipmap_tiles_read(const struct geomipmap_tiles *tiles, struct terrain_reader *reader,
+                          struct geomipmap_place place, const struct geomipmap_form *form, int32_t *heights);
 
 size_t geomipmap_tiles_bytes(const struct geomipmap_tiles *tiles);
 

@@ -3,7 +3,9 @@
 // SPDX-License-Identifier: MIT
 #include "tests/unit/test_geomipmap.h"
 #include "bench/error.h"
+#include "common/terrain/relief_pack.h"
 #include "geomipmap/geomipmap.h"
+#include "tests/folder.h"
 #include "tests/gpu/settings.h"
 
 #include <string.h>
@@ -590,6 +592,92 @@ static void tiles_fit_the_bytes_a_sample_of_the_paper(void **state)
     terrain_destroy(terrain);
 }
 
+// ---- terrain on disk ----------------------------------------------------------------------------
+
+// The fractal as a file, read on demand: few samples a frame, so that tiles are late for many.
+static struct terrain *on_disk(int side, uint64_t seed)
+{
+    struct test_map map = hills;
+    map.width = side, map.height = side - 70;
+    map.first[0] = map.first[1] = 0;
+    struct terrain *made = test_fractal(&map, seed);
+    struct heightfield field = {.name = "hills",
+                                .width = map.width,
+                                .height = map.height,
+                                .spacing_m = {map.spacing_m[0], map.spacing_m[1]},
+                                .quantum_m = map.quantum_m,
+                                .offset_m = map.offset_m,
+                                .samples = malloc((size_t)map.width * (size_t)map.height * sizeof(int32_t))};
+    struct relief_pack_options options = {.layout = LAYOUT_BOUNDED, .max_m = 1};
+    struct relief_header header;
+    terrain_window(made, 0, 0, 0, map.width, map.height, field.samples, TERRAIN_WAIT);
+    assert_int_equal(folder_create(NULL), 0);
+    assert_true(relief_pack(&field, &options, in_folder("hills.relief"), &header));
+    heightfield_finish(&field);
+    terrain_destroy(made);
+    struct terrain *terrain =
+        terrain_load(in_folder("hills.relief"), &(struct terrain_options){.frame_samples = 1 << 15});
+    assert_non_null(terrain);
+    return terrain;
+}
+
+static struct view flown_view(const struct terrain *terrain, int frame)
+{
+    const double *o = terrain_info(terrain)->outline_m;
+    const struct camera camera = {
+        {o[0] + 0.1 * (o[2] - o[0]) + 150 * frame, 0.5 * (o[1] + o[3]), 900}, 0.3 + 0.02 * frame, -0.4, 0, 1};
+    struct view view;
+    view_init(&view, terrain, &camera, WIDTH, HEIGHT, 0);
+    return view;
+}
+
+// Late tiles are coarser, never open; at rest all is there, the same however the eye came.
+static void late_tiles_leave_no_crack(void **state)
+{
+    struct fixture *f = *state;
+    static const char *const settings[] = {"tau=1 cull=off", "tau=0.5 cull=off patch=9 merge=4 metric=mean",
+                                           "tau=1 cull=off merge=0"};
+    struct terrain *terrain = on_disk(test_size(1025, 2049), 31);
+    int frames = test_size(12, 60);
+    for (int s = 0; s < 3; s++) {
+        struct renderer *flown = create(f, terrain, settings[s]), *fresh = create(f, terrain, settings[s]);
+        int late_frames = 0, frame = 0;
+        struct renderer_stats stats;
+        for (; frame < frames; frame++) {
+            struct view view = flown_view(terrain, frame);
+            geomipmap_renderer.begin_frame(flown, frame);
+            assert_true(geomipmap_renderer.update(flown, &view, 1));
+            struct mesh mesh = capture(f, flown, terrain, &view, 0);
+            assert_int_equal(open_edges(terrain, &view, &mesh), 0);
+            check_vertices(terrain, &view, &mesh);
+            free(mesh.vertices);
+            geomipmap_renderer.stats(flown, &stats);
+            bool late = counter(flown, "late") > 0;
+            late_frames += late;
+            if (late) assert_true(isnan(stats.claimed_error_px)); // nothing is promised
+        }
+        struct view view = flown_view(terrain, frame - 1);
+        struct renderer *both[2] = {flown, fresh};
+        uint64_t hashes[2];
+        for (int r = 0; r < 2; r++) {
+            for (int n = 0; n == 0 || (counter(both[r], "late") > 0 && n < 400); n++) {
+                geomipmap_renderer.begin_frame(both[r], frame + n);
+                assert_true(geomipmap_renderer.update(both[r], &view, 1));
+            }
+            assert_true(counter(both[r], "late") == 0);
+            hashes[r] = draw_hash(f, both[r], terrain, &view, 0);
+        }
+        assert_true(hashes[0] == hashes[1]);
+        FIGURE("%s: tiles late in %d of %d frames, no open edge; at rest the same picture", settings[s],
+               late_frames, frames);
+        assert_true(late_frames > 0 && late_frames <= frames);
+        geomipmap_renderer.destroy(flown);
+        geomipmap_renderer.destroy(fresh);
+    }
+    terrain_destroy(terrain);
+    folder_remove(NULL);
+}
+
 // Cameras that nothing flies with on purpose (E11): every one selects, draws samples of the terrain and
 // leaves no GL error.
 static void any_camera_is_drawn(void **state)
@@ -651,6 +739,7 @@ int main(void)
         cmocka_unit_test(flat_ground_is_exact_and_cheap),
         cmocka_unit_test(any_terrain_is_drawn_with_its_own_heights),
         cmocka_unit_test(tiles_fit_the_bytes_a_sample_of_the_paper),
+        cmocka_unit_test(late_tiles_leave_no_crack),
         cmocka_unit_test(any_camera_is_drawn),
     };
     return cmocka_run_group_tests(tests, setup, teardown);

@@ -400,7 +400,7 @@ static void tiles_cover_maps_of_any_size(void **state)
             assert_memory_equal(&range, &same, sizeof range);
             assert_memory_equal(geomipmap_tiles_error(&one, place), geomipmap_tiles_error(&three, place),
                                 4 * sizeof(float));
-            geomipmap_tiles_read(&one, place, NULL, heights);
+            geomipmap_tiles_read(&one, NULL, place, NULL, heights);
             for (int k = 0; k < 17 * 17; k++) assert_in_range(heights[k] + 1, range.low + 1, range.high + 1);
         }
         assert_false(one.wide);

@@ -120,7 +120,7 @@ static void nothing_visible_is_missing(void **state)
                 if (pick_of[tile] >= 0) continue;
                 hidden++;
                 struct geomipmap_place place = geomipmap_tiles_place(&s.tiles, tile);
-                geomipmap_tiles_read(&s.tiles, place, NULL, heights);
+                geomipmap_tiles_read(&s.tiles, NULL, place, NULL, heights);
                 for (int v = 0; v < 17 * 17; v++) {
                     double relative[3];
                     vertex_relative(&s.tiles, &view, place, v % 17, v / 17, heights[v], relative);
