@@ -78,6 +78,23 @@ static void remove_in(const struct pack_store *store, const char *name)
     unlink(path);
 }
 
+bool store_has_level(const struct pack_store *store, enum store_level kind, int level)
+{
+    char name[32], path[4300];
+    name_level(name, kind, level);
+    snprintf(path, sizeof path, "%s/%s", store->folder, name);
+    return access(path, F_OK) == 0;
+}
+
+void store_drop_level(struct pack_store *store, enum store_level kind, int level)
+{
+    char name[32];
+    if (store->levels[kind][level] >= 0) close(store->levels[kind][level]);
+    store->levels[kind][level] = -1;
+    name_level(name, kind, level);
+    remove_in(store, name);
+}
+
 static void remove_levels(const struct pack_store *store, int kept)
 {
     char name[32];

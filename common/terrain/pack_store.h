@@ -17,7 +17,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum store_kind { STORE_BEGUN = 1, STORE_REDUCED, STORE_STEP, STORE_CODED };
+enum store_kind { STORE_BEGUN = 1, STORE_REDUCED, STORE_STEP, STORE_CODED, STORE_DROPPED };
 
 struct store_record { // the fields that a kind uses; the others are 0
     uint32_t kind, stage, attempt, region;
@@ -57,6 +57,8 @@ bool store_note(struct pack_store *store, struct store_record *record);
 bool store_write_level(struct pack_store *store, enum store_level kind, int level, const struct patch *from,
                        const struct rect *part);
 bool store_read_level(struct pack_store *store, enum store_level kind, int level, const struct patch *to);
+bool store_has_level(const struct pack_store *store, enum store_level kind, int level);
+void store_drop_level(struct pack_store *store, enum store_level kind, int level);
 void store_drop_levels(struct pack_store *store, int kept); // but the wanted level `kept`
 bool store_add_tiles(struct pack_store *store, const void *data, size_t bytes, uint64_t *offset);
 bool store_read_tiles(struct pack_store *store, void *data, size_t bytes, uint64_t offset);

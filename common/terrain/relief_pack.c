@@ -160,8 +160,9 @@ static bool read_wanted(struct pack *p, int level, const struct patch *to)
         return false;
     }
     int64_t count = rect_width(&to->rect) * rect_height(&to->rect);
-    for (int64_t i = 0; i < count && p->coder.fraction_bits; i++)
-        to->samples[i] *= 1 << p->coder.fraction_bits;
+    const int32_t unit = 1 << p->coder.fraction_bits;
+    int32_t *samples = to->samples;
+    for (int64_t i = 0; i < count; i++) samples[i] *= unit;
     return true;
 }
 
@@ -405,13 +406,65 @@ static bool code_top(struct pack *p, bool write)
     return region_code(&p->top, write) || out_of_memory(p);
 }
 
+static bool is_coded(const struct stage *stage)
+{
+    for (int64_t i = 0; i < stage->columns * stage->rows; i++)
+        if (!stage->regions[i].coded) return false;
+    return true;
+}
+
+// Reduces what is left to reduce; what stages that are coded were made from is not needed any more.
+static bool reduce_all(struct pack *p)
+{
+    bool needed[LAYOUT_LEVELS] = {false};
+    for (int i = p->stage_count - 1; i >= 0; i--) {
+        struct stage *stage = &p->stages[i];
+        needed[i] |= i + 1 == p->stage_count || !is_coded(&p->stages[i + 1]);
+        for (int64_t k = 0; needed[i] && i > 0 && k < stage->columns * stage->rows; k++)
+            if (!stage->regions[k].reduced) needed[i - 1] = true;
+    }
+    for (int i = 0; i < p->stage_count; i++)
+        if (needed[i] && !run_stage(p, i, false)) return false;
+    return true;
+}
+
+static bool any_is_coded(const struct stage *stage)
+{
+    for (int64_t i = 0; i < stage->columns * stage->rows; i++)
+        if (stage->regions[i].coded) return true;
+    return false;
+}
+
+static bool any_is_reduced(const struct stage *stage)
+{
+    for (int64_t i = 0; i < stage->columns * stage->rows; i++)
+        if (stage->regions[i].reduced) return true;
+    return false;
+}
+
+static void forget_reduced(struct stage *stage)
+{
+    for (int64_t k = 0; k < stage->columns * stage->rows; k++) stage->regions[k].reduced = false;
+}
+
+// What a stage was reduced to is not there any more.
+static bool note_dropped(struct pack *p, int number)
+{
+    struct store_record record = {.kind = STORE_DROPPED, .stage = (uint32_t)number};
+    forget_reduced(&p->stages[number]);
+    return store_note(&p->store, &record);
+}
+
 static bool code_all(struct pack *p)
 {
     const struct region_reader nobody = {NULL, NULL};
-    if (!code_top(p, true)) return false;
+    if (!reduce_all(p) || !code_top(p, true)) return false;
     for (int i = p->stage_count - 1; i >= 0; i--) {
         if (!run_stage(p, i, true)) return false;
         p->stages[i].coded = true;
+        if (i == 0 || !any_is_reduced(&p->stages[i - 1])) continue;
+        if (!note_dropped(p, i - 1)) return false; // what this stage was made from makes room
+        store_drop_level(&p->store, STORE_WANTED, p->stages[i].fine);
     }
     if (p->stage_count > 0) return true;
     p->sums = NO_SUMS;
@@ -603,7 +656,7 @@ static bool choose_steps(struct pack *p, struct steps *steps)
     p->progress.what = "looking for the steps";
     bool good = sample_init(&sample, p);
     if (good) {
-        sample.stride = sample.count >= 1024 ? 16 : 1; // a few squares tell where to look
+        sample.stride = sample.count >= 128 ? sample.count / 64 : 1; // a few squares tell where to look
         good = search_step(p, &sample, (struct window){0.97, 0.99, 1.01}, steps);
         sample.stride = 1;
         good = good && search_step(p, &sample, (struct window){0.988, 0.99, 0.992}, steps);
@@ -730,6 +783,20 @@ static uint64_t identity_of(const struct pack *p)
     return hash;
 }
 
+// A journal that lost its end tells of levels that were dropped since: these are made again.
+static bool check_levels(struct pack *p, const struct steps *steps)
+{
+    bool lost = false;
+    for (int i = 0; i < p->stage_count; i++) {
+        if (p->stages[i].regions[0].reduced &&
+            !store_has_level(&p->store, STORE_WANTED, p->stages[i].coarse) && !note_dropped(p, i))
+            return false;
+        lost |= i > 0 && any_is_coded(&p->stages[i]) && !is_coded(&p->stages[0]) &&
+                !store_has_level(&p->store, STORE_DECODED, p->stages[i].fine);
+    }
+    return !lost || begin_attempt(p, steps);
+}
+
 // Takes the plan, and what is done, from the journal's records; or begins it.
 static bool take_up(struct pack *p, const struct store_record *records, size_t count, struct steps *steps)
 {
@@ -748,6 +815,7 @@ static bool take_up(struct pack *p, const struct store_record *records, size_t c
     for (size_t i = 1; i < count; i++) {
         const struct store_record *r = &records[i];
         if (r->kind == STORE_REDUCED) p->stages[r->stage].regions[r->region].reduced = true;
+        if (r->kind == STORE_DROPPED) forget_reduced(&p->stages[r->stage]);
         if (r->kind == STORE_STEP)
             p->attempt = r->attempt, *steps = (struct steps){r->step, r->lambda_65536, r->uneven};
     }
@@ -757,7 +825,7 @@ static bool take_up(struct pack *p, const struct store_record *records, size_t c
         take_coded(p, r);
         if (r->offset + r->bytes > p->store.tiles_bytes) p->store.tiles_bytes = r->offset + r->bytes;
     }
-    return true;
+    return check_levels(p, steps);
 }
 
 static void describe(struct pack *p, struct relief_header *h)
@@ -1020,11 +1088,9 @@ static bool assemble(struct pack *p, struct relief_header *h)
 
 static bool pack_stages(struct pack *p, struct relief_header *header, struct steps *steps)
 {
-    bool wavelet = p->options->layout == LAYOUT_WAVELET, reduced = true;
+    bool wavelet = p->options->layout == LAYOUT_WAVELET;
     p->progress.begun_s = p->progress.shown_s = seconds_now();
-    // Once everything is coded the levels are not there any more.
-    for (int i = 0; reduced && i < p->stage_count; i++) reduced = run_stage(p, i, false);
-    if (!reduced || !prepare_top(p)) return false;
+    if (!reduce_all(p) || !prepare_top(p)) return false;
     if (!wavelet) set_bounded_steps(p);
     bool coded =
         wavelet ? code_wavelet(p, steps) : (p->attempt > 0 || begin_attempt(p, steps)) && code_all(p);

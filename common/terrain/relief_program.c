@@ -13,6 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
@@ -60,7 +61,20 @@ static bool choose(const char *codec, double rms_m, double max_m, bool lossless,
     return true;
 }
 
-static void print_packed(const char *path, const struct relief_header *h, double seconds)
+static double wall_seconds(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + (double)t.tv_nsec * 1e-9;
+}
+
+static double peak_mib(void)
+{
+    struct rusage usage;
+    return getrusage(RUSAGE_SELF, &usage) == 0 ? (double)usage.ru_maxrss / 1024 : 0;
+}
+
+static void print_packed(const char *path, const struct relief_header *h, double wall_s)
 {
     double samples = (double)h->size[0] * (double)h->size[1];
     double bytes = (double)(RELIEF_HEADER + h->payload_bytes + h->base_bytes + h->index_bytes);
@@ -68,8 +82,9 @@ static void print_packed(const char *path, const struct relief_header *h, double
            (long long)h->size[1]);
     printf("%.0f bytes of samples, %.4f bits a sample; side section %.0f bytes, %.4f bits a sample\n", bytes,
            8 * bytes / samples, (double)h->side_bytes, 8 * (double)h->side_bytes / samples);
-    printf("rms %.4g m, max %.4g m against the source; packed in %.2f s of CPU time\n", h->rms_m, h->max_m,
-           seconds);
+    printf("rms %.4g m, max %.4g m against the source; packed in %.2f s, %.2f s of CPU time, %.0f MiB at the "
+           "peak\n",
+           h->rms_m, h->max_m, wall_s, cpu_seconds(), peak_mib());
 }
 
 static volatile sig_atomic_t interrupted;
@@ -84,13 +99,13 @@ static int run_pack(const char *from, const char *to, struct relief_pack_options
 {
     struct relief_source source;
     struct relief_header header;
-    double start = cpu_seconds();
+    double start = wall_seconds();
     signal(SIGINT, on_interrupt);
     signal(SIGTERM, on_interrupt);
     pack->interrupted = &interrupted;
     if (!relief_source_open(&source, from, pack->memory_bytes)) return EXIT_WORLD;
     bool good = relief_pack_source(&source, pack, to, &header);
-    if (good) print_packed(to, &header, cpu_seconds() - start);
+    if (good) print_packed(to, &header, wall_seconds() - start);
     relief_source_finish(&source);
     if (!good && interrupted) note("%s: interrupted; the same command goes on from here", to);
     return good ? EXIT_GOOD : interrupted ? EXIT_INTERRUPTED : EXIT_WORLD;

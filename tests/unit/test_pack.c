@@ -1,0 +1,454 @@
+// Packing by regions: the same bytes for any region and any number of threads, the samples that the whole map
+// gives, and after any interruption the file of a pack that was not interrupted.  SPDX-License-Identifier:
+// MIT
+#include "tests/folder.h"
+
+#include "common/terrain/relief_file.h"
+#include "common/terrain/relief_pack.h"
+#include "common/terrain/upsample.h"
+
+#include <signal.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <time.h>
+
+enum { LITTLE_MEMORY = 1 << 20 }; // so that maps of a few hundred samples a side are packed by regions
+
+static const struct relief_pack_options BOUNDED = {
+    .layout = LAYOUT_BOUNDED, .max_m = 1, .memory_bytes = LITTLE_MEMORY};
+static const struct relief_pack_options WAVELET = {
+    .layout = LAYOUT_WAVELET, .rms_m = 1, .memory_bytes = LITTLE_MEMORY};
+
+static struct heightfield hills(int width, int height, uint64_t seed)
+{
+    struct heightfield field = {.name = "hills",
+                                .width = width,
+                                .height = height,
+                                .spacing_m = {30, 40},
+                                .quantum_m = 0.1,
+                                .offset_m = 7,
+                                .samples = malloc((size_t)width * (size_t)height * sizeof(int32_t))};
+    for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x++)
+            field.samples[y * width + x] =
+                (int32_t)(3000 + 2000 * sin(x * 0.011) * cos(y * 0.007) + 300 * sin(x * 0.09 + y * 0.07)) +
+                (int32_t)(test_random(&seed) % 30);
+    return field;
+}
+
+static uint8_t *file_of(const char *name, size_t *size)
+{
+    FILE *file = fopen(in_folder(name), "rb");
+    assert_non_null(file);
+    fseek(file, 0, SEEK_END);
+    *size = (size_t)ftell(file);
+    rewind(file);
+    uint8_t *data = malloc(*size + 1);
+    assert_int_equal(fread(data, 1, *size, file), *size);
+    fclose(file);
+    return data;
+}
+
+static void assert_same_files(const char *a, const char *b)
+{
+    size_t sizes[2];
+    uint8_t *files[2] = {file_of(a, &sizes[0]), file_of(b, &sizes[1])};
+    assert_int_equal(sizes[0], sizes[1]);
+    assert_memory_equal(files[0], files[1], sizes[0]);
+    free(files[0]);
+    free(files[1]);
+}
+
+static bool exists(const char *name)
+{
+    return access(in_folder(name), F_OK) == 0;
+}
+
+static struct relief_header pack(struct heightfield *field, struct relief_pack_options options,
+                                 const char *name)
+{
+    struct relief_header header;
+    assert_true(relief_pack(field, &options, in_folder(name), &header));
+    return header;
+}
+
+// ---- by regions and whole --------------------------------------------------
+
+static const int SIZES[][2] = {{300, 433}, {1025, 513}, {257, 1100}, {700, 700}, {1500, 70}, {63, 2100}};
+
+static void test_regions_give_what_the_whole_gives(void **state)
+{
+    (void)state;
+    for (size_t n = 0; n < sizeof SIZES / sizeof *SIZES; n++) {
+        struct heightfield field = hills(SIZES[n][0], SIZES[n][1], n);
+        struct relief_pack_options whole = BOUNDED;
+        whole.memory_bytes = 0;
+        pack(&field, whole, "whole.relief");
+        pack(&field, BOUNDED, "regions.relief");
+        struct relief *a = relief_open(in_folder("whole.relief")),
+                      *b = relief_open(in_folder("regions.relief"));
+        const struct relief_header *ha = relief_header(a), *hb = relief_header(b);
+        assert_int_equal(ha->payload_bytes, hb->payload_bytes);
+        assert_int_equal(ha->base_crc, hb->base_crc);
+        assert_int_equal(ha->index_crc, hb->index_crc);
+        assert_true(ha->rms_m == hb->rms_m && ha->max_m == hb->max_m);
+        assert_true(ha->min_q == hb->min_q && ha->max_q == hb->max_q);
+        const struct grid *grid = relief_grid(a);
+        for (int64_t i = 0; i < grid->tile_count; i++) {
+            const struct relief_tile_side sa = relief_side(a, i), sb = relief_side(b, i);
+            assert_int_equal(sa.bytes, sb.bytes);
+            assert_int_equal(sa.crc, sb.crc);
+            assert_int_equal(sa.min_q, sb.min_q);
+            assert_int_equal(sa.max_q, sb.max_q);
+            if (i >= grid->first_tile[2]) // levels of the first stage: exact
+                assert_int_equal(sa.error_code, sb.error_code);
+            else // a bound, and no loose one: two surfaces' differences, each of them needed
+                assert_true(sb.error_code >= sa.error_code &&
+                            relief_error_of(sb.error_code) <= 2 * relief_error_of(sa.error_code) + 64);
+        }
+        relief_close(a);
+        relief_close(b);
+        heightfield_finish(&field);
+    }
+}
+
+// The decoder reaches the state that the encoder measured: bit for bit, though each region was coded alone.
+static void test_wavelet_by_regions_decodes_to_what_was_measured(void **state)
+{
+    (void)state;
+    for (size_t n = 0; n < sizeof SIZES / sizeof *SIZES; n++) {
+        struct heightfield field = hills(SIZES[n][0], SIZES[n][1], n), back;
+        struct relief_header header = pack(&field, WAVELET, "regions.relief");
+        assert_true(heightfield_load(&back, in_folder("regions.relief")));
+        double squares = 0, most = 0;
+        for (int64_t i = 0; i < field.width * field.height; i++) {
+            double off = fabs((double)(field.samples[i] - back.samples[i]) * field.quantum_m);
+            squares += off * off;
+            most = fmax(most, off);
+        }
+        double rms_m = sqrt(squares / (double)(field.width * field.height));
+        assert_true(fabs(rms_m - header.rms_m) < 1e-9 && fabs(most - header.max_m) < 1e-9);
+        assert_true(rms_m >= 0.98 && rms_m <= 1.001);
+        heightfield_finish(&field);
+        heightfield_finish(&back);
+    }
+}
+
+static void test_threads_and_regions_do_not_show(void **state)
+{
+    (void)state;
+    static const int REGIONS[] = {256, 512, 1024, 2048};
+    const struct relief_pack_options *const all[2] = {&BOUNDED, &WAVELET};
+    for (int layout = 0; layout < 2; layout++) {
+        struct heightfield field = hills(1100, 900, 5);
+        pack(&field, *all[layout], "one.relief");
+        for (int i = 0; i < 4; i++) {
+            struct relief_pack_options options = *all[layout];
+            options.threads = 1 + 2 * i;
+            options.region = REGIONS[i];
+            pack(&field, options, "other.relief");
+            assert_same_files("one.relief", "other.relief");
+        }
+        heightfield_finish(&field);
+    }
+}
+
+// ---- sources ---------------------------------------------------------------
+
+static void write_file(const char *name, const void *data, size_t size)
+{
+    FILE *file = fopen(in_folder(name), "wb");
+    assert_non_null(file);
+    assert_int_equal(fwrite(data, 1, size, file), size);
+    fclose(file);
+}
+
+static void write_text(const char *name, const char *text)
+{
+    write_file(name, text, strlen(text));
+}
+
+static void test_a_raw_file_is_read_by_windows(void **state)
+{
+    (void)state;
+    enum { W = 700, H = 610 };
+    static uint8_t raw[W * H * 2];
+    struct heightfield field = hills(W, H, 3);
+    for (int big = 0; big < 2; big++) {
+        for (int i = 0; i < W * H; i++) {
+            int32_t q = field.samples[(H - 1 - i / W) * W + i % W]; // files begin in the north
+            raw[2 * i + big] = (uint8_t)q;
+            raw[2 * i + 1 - big] = (uint8_t)(q >> 8);
+        }
+        char sidecar[256];
+        snprintf(sidecar, sizeof sidecar,
+                 "{\"width\": %d, \"height\": %d, \"dtype\": \"int16\", \"endian\": \"%s\", \"spacing_m\": "
+                 "[30, 40], \"height_scale\": 0.1, \"height_offset\": 7}",
+                 W, H, big ? "big" : "little");
+        write_text("hills.json", sidecar);
+        write_file("hills.raw", raw, sizeof raw);
+        struct relief_source source;
+        struct relief_header header;
+        pack(&field, BOUNDED, "field.relief");
+        assert_true(relief_source_open(&source, in_folder("hills.raw"), LITTLE_MEMORY));
+        assert_true(relief_pack_source(&source, &BOUNDED, in_folder("raw.relief"), &header));
+        relief_source_finish(&source);
+        assert_same_files("field.relief", "raw.relief");
+    }
+    raw[99] = 0x80, raw[98] = 0; // big-endian now: 0x0080 is no void; 0x8000 is
+    raw[98] = 0x80, raw[99] = 0;
+    write_file("hills.raw", raw, sizeof raw);
+    struct relief_source source;
+    assert_false(relief_source_open(&source, in_folder("hills.raw"), LITTLE_MEMORY)); // one line: voids
+    assert_true(relief_source_open(&source, in_folder("hills.raw"), 64 << 20));
+    assert_int_equal(source.voids_filled, 1);
+    relief_source_finish(&source);
+    heightfield_finish(&field);
+}
+
+static const char WORLD[] =
+    "{\"generate\": \"amplify\", \"source\": \"jacksboro\", \"levels\": 3, \"width\": "
+    "1100, \"height\": 900, \"spacing_m\": 30, \"height_scale\": 4, \"seed\": 7}";
+
+static void test_a_made_world_is_the_same_from_any_window(void **state)
+{
+    (void)state;
+    struct relief_source source;
+    write_text("world.json", WORLD);
+    assert_true(relief_source_open(&source, in_folder("world.json"), 0));
+    assert_int_equal(source.size[0], 1100);
+    struct patch whole = {{0, 0, 1100, 900}, malloc(1100 * 900 * sizeof(int32_t))};
+    assert_true(source.window(&source, &whole));
+    uint64_t seed = 1;
+    for (int i = 0; i < test_size(100, 5000); i++) {
+        int64_t x0 = (int64_t)(test_random(&seed) % 1100), y0 = (int64_t)(test_random(&seed) % 900);
+        int64_t x1 = x0 + 1 + (int64_t)(test_random(&seed) % (uint64_t)(1100 - x0));
+        int64_t y1 = y0 + 1 + (int64_t)(test_random(&seed) % (uint64_t)(900 - y0));
+        if (y1 > y0 + 200) y1 = y0 + 200;
+        struct patch part = {{x0, y0, x1, y1}, malloc((size_t)((x1 - x0) * (y1 - y0)) * sizeof(int32_t))};
+        assert_true(source.window(&source, &part));
+        for (int64_t y = y0; y < y1; y++)
+            assert_memory_equal(patch_at(&part, x0, y), patch_at(&whole, x0, y),
+                                (size_t)(x1 - x0) * sizeof(int32_t));
+        free(part.samples);
+    }
+    // Noise of every level: the finest residuals of U have the spread that the spec's source leads to, not 0.
+    double squares = 0;
+    for (int64_t x = 3; x < 1096; x += 2) {
+        const int32_t *at = patch_at(&whole, x, 500);
+        double off = at[0] - (9.0 * (at[-1] + at[1]) - at[-3] - at[3]) / 16;
+        squares += off * off;
+    }
+    assert_true(squares > 0);
+    free(whole.samples);
+    relief_source_finish(&source);
+}
+
+static void test_specs_that_do_not_serve_are_one_line(void **state)
+{
+    (void)state;
+    static const char *const BAD[] = {
+        "",
+        "[]",
+        "{}",
+        "{\"generate\": \"amplify\"}",
+        "{\"generate\": \"amplify\", \"width\": 10, \"height\": 10, \"colour\": 1}",
+        "{\"generate\": \"amplify\", \"width\": 10.5, \"height\": 10}",
+        "{\"generate\": \"amplify\", \"width\": 10, \"height\": -1}",
+        "{\"generate\": \"amplify\", \"width\": 10, \"height\": 10, \"levels\": 99}",
+        "{\"generate\": \"amplify\", \"width\": 10, \"height\": 10, \"quantum_m\": 1e-6}",
+        "{\"generate\": \"amplify\", \"width\": 10, \"height\": 10, \"source\": \"no such file.png\"}",
+        "{\"generate\": \"moon\", \"width\": 10, \"height\": 10}",
+        "{\"generate\": \"fractal\", \"width\": 10, \"height\": 10, \"levels\": 2}",
+        "{\"generate\": \"fractal\", \"width\": 100000, \"height\": 10}"};
+    for (size_t i = 0; i < sizeof BAD / sizeof *BAD; i++) {
+        struct relief_source source;
+        write_text("bad.json", BAD[i]);
+        assert_false(relief_source_open(&source, in_folder("bad.json"), 0));
+    }
+}
+
+// ---- interruptions ---------------------------------------------------------
+
+// Packs the world in a child; returns its exit code, or -1 when it was killed after `after_us`.
+static int pack_in_child(const char *name, const struct relief_pack_options *options, int64_t after_us)
+{
+    pid_t child = fork();
+    if (child == 0) {
+        struct relief_source source;
+        struct relief_header header;
+        bool good = relief_source_open(&source, in_folder("world.json"), 0) &&
+                    relief_pack_source(&source, options, in_folder(name), &header);
+        _exit(good ? 0 : 1);
+    }
+    if (after_us >= 0) {
+        struct timespec pause = {after_us / 1000000, after_us % 1000000 * 1000};
+        nanosleep(&pause, NULL);
+        kill(child, SIGKILL);
+    }
+    int status = 0;
+    waitpid(child, &status, 0);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+static double seconds_now(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + (double)t.tv_nsec * 1e-9;
+}
+
+static void test_killed_at_any_moment_it_goes_on(void **state)
+{
+    (void)state;
+    const struct relief_pack_options *const all[2] = {&BOUNDED, &WAVELET};
+    uint64_t seed = 20;
+    int kills = 0, resumed = 0;
+    write_text("world.json", WORLD);
+    for (int layout = 0; layout < 2; layout++) {
+        struct relief_pack_options options = *all[layout];
+        options.region = 256;
+        options.threads = 2;
+        double start = seconds_now();
+        assert_int_equal(pack_in_child("unbroken.relief", &options, -1), 0);
+        double whole_s = seconds_now() - start;
+        for (int round = 0; round < test_size(1, 60); round++) {
+            unlink(in_folder("killed.relief"));
+            int tries = 0;
+            for (;; tries++) { // a kill in each stretch of the work, so that all of it is hit in turn
+                int64_t after_us = (int64_t)(test_uniform(&seed, 0.02, 0.5) * 1e6 * whole_s);
+                int code = pack_in_child("killed.relief", &options, tries < 8 ? after_us : -1);
+                if (code == 0) break;
+                assert_int_equal(code, -1);
+                assert_false(exists("killed.relief")); // not there until it is whole
+                kills++;
+            }
+            resumed += tries > 0;
+            assert_same_files("unbroken.relief", "killed.relief");
+            assert_false(exists("killed.relief.part"));
+        }
+    }
+    assert_true(kills > 0 && resumed > 0);
+    FIGURE("%d kills, %d packs taken up again: the same bytes", kills, resumed);
+}
+
+// A source that raises the flag when its `left`-th window is asked for.
+struct counting {
+    struct relief_source source;
+    int left;
+    volatile sig_atomic_t raised;
+};
+
+static bool counted_window(const struct relief_source *source, const struct patch *to)
+{
+    struct counting *c = source->data;
+    if (--c->left == 0) c->raised = 1;
+    return c->source.window(&c->source, to);
+}
+
+static void test_interrupted_restarted_and_begun_otherwise(void **state)
+{
+    (void)state;
+    struct counting c = {.left = 0};
+    struct relief_header header;
+    write_text("world.json", WORLD);
+    assert_true(relief_source_open(&c.source, in_folder("world.json"), 0));
+    struct relief_source source = c.source;
+    source.window = counted_window;
+    source.data = &c;
+    struct relief_pack_options options = BOUNDED, other = BOUNDED;
+    options.threads = 1;
+    options.region = 256;
+    options.interrupted = &c.raised;
+    other.max_m = 2;
+    assert_true(relief_pack_source(&source, &options, in_folder("plain.relief"), &header));
+    int windows = -c.left, breaks = 0;
+    for (c.left = 1; !exists("later.relief"); c.left = windows / 7) {
+        c.raised = 0;
+        bool good = relief_pack_source(&source, &options, in_folder("later.relief"), &header);
+        assert_true(good || c.raised);
+        assert_true(good == exists("later.relief"));
+        if (!good && breaks++ > 1) { // begun, so other options do not serve
+            assert_true(exists("later.relief.part"));
+            assert_false(relief_pack_source(&source, &other, in_folder("later.relief"), &header));
+        }
+    }
+    assert_true(breaks >= 6); // each went on from where the one before was: no more windows than in one go
+    assert_true(breaks <= 9);
+    assert_same_files("plain.relief", "later.relief");
+    c.left = windows / 2, c.raised = 0;
+    assert_false(relief_pack_source(&source, &options, in_folder("again.relief"), &header));
+    other.restart = true;
+    assert_true(relief_pack_source(&source, &other, in_folder("again.relief"), &header));
+    assert_false(exists("again.relief.part"));
+    assert_true(relief_pack_source(&source, &other, in_folder("otherwise.relief"), &header));
+    assert_same_files("again.relief", "otherwise.relief");
+    relief_source_finish(&c.source);
+}
+
+static void test_a_full_disk_is_one_line_and_loses_nothing(void **state)
+{
+    (void)state;
+    struct relief_source source;
+    struct relief_header header;
+    struct rlimit before, little;
+    write_text("world.json", WORLD);
+    assert_true(relief_source_open(&source, in_folder("world.json"), 0));
+    assert_true(relief_pack_source(&source, &BOUNDED, in_folder("plain.relief"), &header));
+    signal(SIGXFSZ, SIG_IGN); // a write beyond the limit fails instead
+    getrlimit(RLIMIT_FSIZE, &before);
+    struct stat whole;
+    assert_int_equal(stat(in_folder("plain.relief"), &whole), 0);
+    for (int part = 1; part < 10; part++) {
+        little = (struct rlimit){(rlim_t)whole.st_size * (rlim_t)part / 10, before.rlim_max};
+        setrlimit(RLIMIT_FSIZE, &little);
+        assert_false(relief_pack_source(&source, &BOUNDED, in_folder("full.relief"), &header));
+        setrlimit(RLIMIT_FSIZE, &before);
+        assert_false(exists("full.relief"));
+    }
+    assert_true(relief_pack_source(&source, &BOUNDED, in_folder("full.relief"), &header));
+    assert_same_files("plain.relief", "full.relief");
+    relief_source_finish(&source);
+}
+
+static void test_harmed_journals_are_not_believed(void **state)
+{
+    (void)state;
+    write_text("world.json", WORLD);
+    assert_int_equal(pack_in_child("plain.relief", &BOUNDED, -1), 0);
+    uint64_t seed = 4;
+    for (int i = 0; i < test_size(6, 100); i++) {
+        pack_in_child("harmed.relief", &BOUNDED, 200000 + (int64_t)(test_random(&seed) % 200000));
+        if (exists("harmed.relief.part/journal")) {
+            size_t size;
+            uint8_t *journal = file_of("harmed.relief.part/journal", &size);
+            size_t keep = size ? test_random(&seed) % size : 0; // torn in the middle of a record
+            if (i % 2 && size) journal[test_random(&seed) % size] ^= 1, keep = size;
+            write_file("harmed.relief.part/journal", journal, keep);
+            free(journal);
+        }
+        int code = pack_in_child("harmed.relief", &BOUNDED, -1);
+        assert_int_equal(code, 0);
+        assert_same_files("plain.relief", "harmed.relief");
+        unlink(in_folder("harmed.relief"));
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_regions_give_what_the_whole_gives),
+        cmocka_unit_test(test_wavelet_by_regions_decodes_to_what_was_measured),
+        cmocka_unit_test(test_threads_and_regions_do_not_show),
+        cmocka_unit_test(test_a_raw_file_is_read_by_windows),
+        cmocka_unit_test(test_a_made_world_is_the_same_from_any_window),
+        cmocka_unit_test(test_specs_that_do_not_serve_are_one_line),
+        cmocka_unit_test(test_killed_at_any_moment_it_goes_on),
+        cmocka_unit_test(test_interrupted_restarted_and_begun_otherwise),
+        cmocka_unit_test(test_a_full_disk_is_one_line_and_loses_nothing),
+        cmocka_unit_test(test_harmed_journals_are_not_believed),
+    };
+    return cmocka_run_group_tests(tests, folder_create, folder_remove);
+}
