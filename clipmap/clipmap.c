@@ -4,6 +4,7 @@
 #include "clipmap/clipmap_fit.h"
 #include "clipmap/clipmap_select.h"
 #include "clipmap/clipmap_shading.h"
+#include "clipmap/sphere.h"
 #include "common/report.h"
 
 #include <math.h>
@@ -26,7 +27,8 @@ enum {
     KNOB_REGIONS,
     KNOB_SIZES,
     KNOB_NORMALS,
-    KNOB_ANISOTROPY
+    KNOB_ANISOTROPY,
+    KNOB_TRIGONOMETRY
 };
 
 enum { N_MIN = 15, N_MAX = 1023 };
@@ -63,6 +65,9 @@ static const struct renderer_knob knobs[] = {
      CLIPMAP_LOD_LEVEL, 0, 1, "level|mipmap"},
     {"anisotropy", "shading own: most samples of a normal's filter along a slanted pixel, 1 for none", 1, 1,
      16, NULL},
+    {"trigonometry",
+     "over a sphere: where vertices sample, in stable half angles, by acos in float, or as published",
+     SPHERE_STABLE, 0, 2, "stable|corrected|published"},
     {NULL, NULL, 0, 0, 0, NULL},
 };
 
@@ -105,6 +110,7 @@ struct clipmap_program {
 
 struct clipmap {
     struct renderer base;
+    struct clipmap_sphere *sphere; // draws instead when the terrain is one; nothing below is then used
     struct gpu *gpu;
     const struct terrain *terrain;
     struct clipmap_shape shape;
@@ -272,6 +278,10 @@ static void update_view(struct clipmap *c, struct clipmap_view *own, const struc
 static void begin_frame(struct renderer *renderer, int frame)
 {
     struct clipmap *c = (struct clipmap *)renderer;
+    if (c->sphere) {
+        clipmap_sphere_begin_frame(c->sphere, frame);
+        return;
+    }
     bool first = c->frame < 0 || frame < c->frame;
     c->view_count = 0;
     for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {
@@ -286,6 +296,7 @@ static void begin_frame(struct renderer *renderer, int frame)
 static bool update(struct renderer *renderer, const struct view *views, int count)
 {
     struct clipmap *c = (struct clipmap *)renderer;
+    if (c->sphere) return clipmap_sphere_update(c->sphere, views, count);
     for (int i = 0; i < count; i++) {
         if (!c->views[i].heights && !create_view(c, &c->views[i])) return false;
         update_view(c, &c->views[i], &views[i]);
@@ -361,6 +372,10 @@ static void draw_some(const struct clipmap *c, const struct clipmap_view *view, 
 static void draw(struct renderer *renderer, int view_index, enum render_pass pass)
 {
     struct clipmap *c = (struct clipmap *)renderer;
+    if (c->sphere) {
+        clipmap_sphere_draw(c->sphere, view_index, pass);
+        return;
+    }
     const struct clipmap_view *view = &c->views[view_index];
     bool split = c->choice.stitch == CLIPMAP_STITCH_SPLIT;
     bool cull = pass != PASS_POSITION; // measuring looks for faces seen from below
@@ -379,6 +394,10 @@ static void draw(struct renderer *renderer, int view_index, enum render_pass pas
 static void stats(const struct renderer *renderer, struct renderer_stats *stats)
 {
     const struct clipmap *c = (const struct clipmap *)renderer;
+    if (c->sphere) {
+        clipmap_sphere_stats(c->sphere, stats);
+        return;
+    }
     const struct clipmap_view *view = &c->views[0];
     size_t bytes = c->mesh.count * sizeof *c->mesh.indices;
     uint64_t samples = 0;
@@ -486,6 +505,7 @@ static void destroy(struct renderer *renderer)
 {
     struct clipmap *c = (struct clipmap *)renderer;
     if (!c) return;
+    clipmap_sphere_destroy(c->sphere);
     for (int pass = 0; pass < PASS_COUNT; pass++)
         for (int kind = 0; kind < CLIPMAP_PROGRAMS; kind++)
             gpu_program_finish(&c->programs[pass][kind].program);
@@ -496,8 +516,22 @@ static void destroy(struct renderer *renderer)
     free(c);
 }
 
+static bool init_sphere(struct clipmap *c, const struct renderer_desc *desc)
+{
+    const double *knobs_set = desc->knobs;
+    struct sphere_choice choice = {.n = (int)knobs_set[KNOB_N],
+                                   .cull = knobs_set[KNOB_CULL] > 0,
+                                   .rebuild = knobs_set[KNOB_REFILL] > 0,
+                                   .budget = knobs_set[KNOB_BUDGET] > 0 ? (uint64_t)knobs_set[KNOB_BUDGET]
+                                                                        : UINT64_MAX,
+                                   .form = (enum sphere_form)knobs_set[KNOB_TRIGONOMETRY]};
+    c->sphere = clipmap_sphere_create(desc, &choice);
+    return c->sphere != NULL;
+}
+
 static bool init(struct clipmap *c, const struct renderer_desc *desc)
 {
+    if (terrain_info(desc->terrain)->datum == TERRAIN_SPHERE) return init_sphere(c, desc);
     c->gpu = desc->gpu;
     c->terrain = desc->terrain;
     c->frame = -1;

@@ -22,12 +22,13 @@ extern const struct context_type context_osmesa, context_glfw;
 // The uniform block `frame` of frame.glsl, std140.
 struct gpu_frame {
     float clip_from_relative[16];
-    float outline[4], height[4], shade[4];
+    float outline[4], height[4], shade[4], axes[3][4];
 };
 _Static_assert(offsetof(struct gpu_frame, outline) == 64, "std140");
 _Static_assert(offsetof(struct gpu_frame, height) == 80, "std140");
 _Static_assert(offsetof(struct gpu_frame, shade) == 96, "std140");
-_Static_assert(sizeof(struct gpu_frame) == 112, "std140");
+_Static_assert(offsetof(struct gpu_frame, axes) == 112, "std140");
+_Static_assert(sizeof(struct gpu_frame) == 160, "std140");
 enum { GPU_FRAME_BINDING = 0 };
 
 // An open capture.  Draws are gathered in one transform feedback session until the buffer might overflow or

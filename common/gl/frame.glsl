@@ -4,6 +4,7 @@ layout(std140) uniform frame {
     vec4 outline;            // exact outline of the map relative to the eye: x_min, y_min, x_max, y_max, in reliefs
     vec4 height;             // x: eye height in quanta, integer part; y: its fraction; z: metres per quantum
     vec4 shade;              // x: lowest height of the map relative to the eye, reliefs; y: reliefs per metre; z, w: the view's width and height in pixels
+    vec4 axes[3];            // xyz: east, north and up at the eye, in the world; axes[0].w: 1 / the eye's distance from a sphere's centre, 0 on the plane; axes[1].w: that distance
 };
 
 // Height in quanta (an integer, or a blend of integers) to metres relative to the eye.
@@ -23,7 +24,13 @@ vec2 relative_place(vec2 cell, vec2 fraction, vec2 spacing)
 // from the eye, z from the lowest height, so that normals and colour need nothing else.
 vec3 in_reliefs(vec3 relative)
 {
-    return vec3(relative.xy * shade.y, relative.z * shade.y - shade.x);
+    float z = relative.z;
+#ifdef SPHERE
+    // Height over the eye's, without the difference of two large distances from the centre.
+    float rise = 2.0 * z + dot(relative, relative) * axes[0].w;
+    z = rise / (1.0 + sqrt(max(1.0 + rise * axes[0].w, 0.0)));
+#endif
+    return vec3(relative.xy * shade.y, z * shade.y - shade.x);
 }
 
 // Which side of a triangle the eye is on (side.geom to terrain.frag).

@@ -84,6 +84,8 @@ enum render_pass {
 // view_inside_outline holds for all that is drawn, at less cost.  So a renderer builds both and draws with
 // the other what is at the rim.
 #define GPU_INSIDE_OUTLINE "#define MAP_UNBOUNDED\n"
+// Of programs that draw a whole planet: it has no outline, and height and colour follow its curve.
+#define GPU_SPHERE "#define SPHERE\n#define MAP_UNBOUNDED\n"
 struct gpu_program {
     GLuint name;
     enum render_pass pass;

@@ -278,9 +278,15 @@ void gpu_set_view(struct gpu *gpu, const struct terrain *terrain, const struct v
     frame.height[2] = (float)info->quantum_m;
     frame.height[3] = 0;
     double relief_m = info->max_q > info->min_q ? info->quantum_m * ((double)info->max_q - info->min_q) : 1;
-    frame.shade[0] = (float)((info->offset_m + info->quantum_m * info->min_q - view->eye_m[2]) / relief_m);
+    frame.shade[0] =
+        (float)((info->offset_m + info->quantum_m * info->min_q - view->eye_place[2]) / relief_m);
     frame.shade[1] = (float)(1 / relief_m);
     for (int i = 0; i < 4; i++) frame.outline[i] = relative_edge(info, view, i) * frame.shade[1];
+    for (int row = 0; row < 3; row++)
+        for (int k = 0; k < 3; k++) frame.axes[row][k] = (float)view->axes[row][k];
+    frame.axes[0][3] = view->radius_m > 0 ? (float)(1 / view->radius_m) : 0;
+    frame.axes[1][3] = (float)view->radius_m;
+    frame.axes[2][3] = 0;
     frame.shade[2] = (float)view->width;
     frame.shade[3] = (float)view->height;
     gpu_set_frame(gpu, &frame);

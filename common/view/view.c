@@ -43,7 +43,8 @@ static void snap_eye(struct view *view, const struct terrain *terrain, const dou
         view->eye_place[axis] = (double)view->eye_lattice[axis] * unit;
     }
     double unit = ldexp(info->quantum_m, -VIEW_HEIGHT_BITS);
-    double limit = ldexp(1, 30 + VIEW_HEIGHT_BITS); // the whole quanta fit an int32
+    // On the plane the whole quanta fit an int32; over a sphere a double holds them.
+    double limit = ldexp(1, (info->datum == TERRAIN_SPHERE ? 44 : 30) + VIEW_HEIGHT_BITS);
     view->eye_height = snap(clamp(eye_m[2] - info->offset_m, -limit * unit, limit * unit), unit);
     view->eye_place[2] = (double)view->eye_height * unit + info->offset_m;
     terrain_world_from_place(terrain, view->eye_place, view->eye_m);

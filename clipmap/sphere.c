@@ -1,0 +1,396 @@
+// SPDX-License-Identifier: MIT
+#include "clipmap/sphere.h"
+
+#include "clipmap/sphere_levels.h"
+#include "common/report.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { HEIGHTS_UNIT = 0, RINGS_A_BLOCK = 24 };
+
+struct block_selection { // blocks of one view that are drawn
+    GLsizei *counts;
+    size_t *first_index;
+    GLint *base_vertex;
+    int draws, blocks;
+    uint64_t triangles;
+};
+
+struct sphere_view {
+    struct sphere_store stores[SPHERE_MAX_LEVELS];
+    struct view view;
+    bool seen;   // view is that of an update before
+    double turn; // of the pattern from east
+    struct sphere_ring_range range;
+    struct block_selection selection;
+    GLuint heights; // one layer a level
+    uint64_t texels_read, texels_left;
+    int finest_there; // level: what is finer is not whole yet
+};
+
+struct sphere_program {
+    struct gpu_program program;
+    GLint heights, windows, grids, viewer, pattern, polar;
+};
+
+struct clipmap_sphere {
+    struct gpu *gpu;
+    const struct terrain *terrain;
+    struct sphere_choice choice;
+    struct sphere_rings rings;
+    struct sphere_shape shape;
+    int layers, max_blocks, view_count, frame;
+    int row;          // vertices of a ring in the buffer: the first once more at the end, and the nadir
+    size_t fan_first; // of the index lists of the fans, one a sector
+    GLuint vertices, indices, vertex_array;
+    float *scratch;
+    int32_t *columns;
+    struct sphere_view views[RENDERER_MAX_VIEWS];
+    struct sphere_program programs[PASS_COUNT];
+};
+
+// ---- the static geometry ---------------------------------------------------
+
+static bool upload_vertices(struct clipmap_sphere *s)
+{
+    const struct sphere_rings *rings = &s->rings;
+    float(*vertices)[4] = malloc((size_t)s->row * (size_t)rings->count * sizeof *vertices);
+    if (!vertices) return fail("clipmap: no memory for %d rings", rings->count);
+    for (int ring = 0; ring < rings->count; ring++) {
+        float(*row)[4] = vertices + (size_t)ring * (size_t)s->row;
+        for (int a = 0; a <= rings->azimuths; a++) sphere_ring_vertex(rings, ring, a, row[a]);
+        sphere_ring_vertex(rings, rings->count - 1, 0, row[rings->azimuths + 1]);
+    }
+    glBindBuffer(GL_ARRAY_BUFFER, s->vertices);
+    gpu_buffer_data(s->gpu, GL_ARRAY_BUFFER, (size_t)s->row * (size_t)rings->count * sizeof *vertices,
+                    vertices, GL_STATIC_DRAW);
+    free(vertices);
+    return true;
+}
+
+// Counter-clockwise from above: azimuths run so, rings inwards.
+static bool upload_indices(struct clipmap_sphere *s)
+{
+    int across = s->rings.azimuths / SPHERE_SECTORS;
+    size_t quads = (size_t)across * RINGS_A_BLOCK, count = 6 * quads + 3 * (size_t)s->rings.azimuths;
+    uint16_t *indices = malloc(count * sizeof *indices), *to = indices;
+    if (!indices) return fail("clipmap: no memory for %zu indices", count);
+    for (int r = 0; r < RINGS_A_BLOCK; r++)
+        for (int a = 0; a < across; a++) {
+            int outer = r * s->row + a, inner = outer + s->row;
+            const int corners[6] = {outer, outer + 1, inner + 1, outer, inner + 1, inner};
+            for (int k = 0; k < 6; k++) *to++ = (uint16_t)corners[k];
+        }
+    s->fan_first = (size_t)(to - indices);
+    for (int a = 0; a < s->rings.azimuths; a++) {
+        *to++ = (uint16_t)a;
+        *to++ = (uint16_t)(a + 1);
+        *to++ = (uint16_t)(s->row - 1);
+    }
+    glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, s->indices);
+    gpu_buffer_data(s->gpu, GL_ELEMENT_ARRAY_BUFFER, count * sizeof *indices, indices, GL_STATIC_DRAW);
+    free(indices);
+    return true;
+}
+
+static bool create_geometry(struct clipmap_sphere *s)
+{
+    s->row = s->rings.azimuths + 2;
+    if (s->row * (RINGS_A_BLOCK + 1) > UINT16_MAX)
+        return fail("clipmap: n is %d; over a sphere at most %d is accepted", s->choice.n,
+                    UINT16_MAX / (RINGS_A_BLOCK + 1) / 2 - 10);
+    glGenVertexArrays(1, &s->vertex_array);
+    glBindVertexArray(s->vertex_array);
+    glGenBuffers(1, &s->vertices);
+    glGenBuffers(1, &s->indices);
+    if (!upload_vertices(s) || !upload_indices(s)) return false;
+    glEnableVertexAttribArray(0);
+    glVertexAttribPointer(0, 4, GL_FLOAT, GL_FALSE, 4 * sizeof(float), NULL);
+    glBindVertexArray(0);
+    return true;
+}
+
+static bool build_programs(struct clipmap_sphere *s, const struct scene_effects *effects)
+{
+    char defines[128];
+    struct scene_effects common = scene_effects_common(effects);
+    snprintf(defines, sizeof defines, GPU_SPHERE "#define SIZE %d\n#define FORM %d\n", s->shape.size,
+             (int)s->choice.form);
+    for (int pass = 0; pass < PASS_COUNT; pass++) {
+        struct sphere_program *p = &s->programs[pass];
+        if (!gpu_program_build(s->gpu, &p->program, "clipmap/sphere.vert", defines, &common, pass))
+            return false;
+        GLuint name = p->program.name;
+        p->heights = glGetUniformLocation(name, "heights");
+        p->windows = glGetUniformLocation(name, "windows");
+        p->grids = glGetUniformLocation(name, "grids");
+        p->viewer = glGetUniformLocation(name, "viewer");
+        p->pattern = glGetUniformLocation(name, "pattern");
+        p->polar = glGetUniformLocation(name, "polar");
+    }
+    return true;
+}
+
+// ---- one viewer ------------------------------------------------------------
+
+static bool create_view(struct clipmap_sphere *s, struct sphere_view *own)
+{
+    struct block_selection *selection = &own->selection;
+    size_t count = (size_t)s->max_blocks;
+    selection->counts = calloc(count, sizeof *selection->counts);
+    selection->first_index = calloc(count, sizeof *selection->first_index);
+    selection->base_vertex = calloc(count, sizeof *selection->base_vertex);
+    if (!selection->counts || !selection->first_index || !selection->base_vertex)
+        return fail("clipmap: no memory for %zu blocks", count);
+    for (int k = 0; k < SPHERE_MAX_LEVELS; k++) own->stores[k].held.box = clipmap_empty;
+    glGenTextures(1, &own->heights);
+    glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, own->heights);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAX_LEVEL, 0);
+    glTexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_R32F, s->shape.size, s->shape.size, s->layers, 0, GL_RED,
+                 GL_FLOAT, NULL);
+    return true;
+}
+
+struct layer {
+    struct gpu *gpu;
+    int index;
+};
+
+static void write_layer(void *user, int slot_x, int slot_y, int width, int height, const float *heights_q)
+{
+    const struct layer *layer = user;
+    gpu_texture_sub_image(layer->gpu, GL_TEXTURE_2D_ARRAY, layer->index, slot_x, slot_y, width, height,
+                          GL_RED, GL_FLOAT, heights_q);
+}
+
+// Coarse levels first; the coarsest is read whole whatever the budget, for without it there is nothing to
+// draw.
+static void refill(struct clipmap_sphere *s, struct sphere_view *own)
+{
+    bool all = true;
+    own->texels_read = 0;
+    own->finest_there = s->shape.coarsest;
+    glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, own->heights);
+    for (int level = s->shape.coarsest; level >= s->shape.finest; level--) {
+        struct sphere_store *store = &own->stores[level - s->shape.finest];
+        struct sphere_window wanted = sphere_window_wanted(&s->shape, level, own->view.eye_place);
+        struct layer layer = {s->gpu, level - s->shape.finest};
+        bool limited = level < s->shape.coarsest && own->texels_left < UINT64_MAX, whole;
+        if (s->choice.rebuild) store->held.box = clipmap_empty;
+        uint64_t read = sphere_store_move(store, &s->shape, s->terrain, level, &wanted,
+                                          limited ? own->texels_left : UINT64_MAX, s->scratch, s->columns,
+                                          write_layer, &layer, &whole);
+        if (limited) own->texels_left -= read;
+        own->texels_read += read;
+        all = all && whole;
+        if (all) own->finest_there = level;
+    }
+}
+
+static double over_ground(const struct terrain *terrain, const struct view *view)
+{
+    const struct terrain_info *info = terrain_info(terrain);
+    double q = info->min_q;
+    terrain_truth_at(terrain, view->eye_place[0], view->eye_place[1], &q, NULL);
+    return view->eye_place[2] - (q * info->quantum_m + info->offset_m);
+}
+
+static void add_block(struct block_selection *selection, GLsizei count, size_t first_index, int base_vertex)
+{
+    int k = selection->draws++;
+    selection->counts[k] = count;
+    selection->first_index[k] = first_index;
+    selection->base_vertex[k] = base_vertex;
+    selection->triangles += (uint64_t)count / 3;
+}
+
+static bool is_visible(const struct clipmap_sphere *s, const struct sphere_view *own,
+                       const struct frustum *frustum, const int ring[2], const int azimuth[2])
+{
+    const struct terrain_info *info = terrain_info(s->terrain);
+    double low[3], high[3], low_m = info->offset_m + info->quantum_m * info->min_q;
+    unsigned mask = FRUSTUM_ALL;
+    if (!s->choice.cull) return true;
+    sphere_block_box(&s->rings, &own->view, own->turn, ring, azimuth, low_m,
+                     info->offset_m + info->quantum_m * info->max_q, low, high);
+    return frustum_test_box(frustum, low, high, &mask) != FRUSTUM_OUTSIDE;
+}
+
+// Blocks of rings by sectors, the rings inwards, and the fan that closes the innermost ring.
+static void select_blocks(struct clipmap_sphere *s, struct sphere_view *own)
+{
+    struct block_selection *selection = &own->selection;
+    struct frustum frustum;
+    int across = s->rings.azimuths / SPHERE_SECTORS;
+    frustum_init(&frustum, &own->view);
+    selection->draws = selection->blocks = 0;
+    selection->triangles = 0;
+    for (int r = own->range.outer; r <= own->range.inner; r += RINGS_A_BLOCK) {
+        int end = r + RINGS_A_BLOCK < own->range.inner ? r + RINGS_A_BLOCK : own->range.inner;
+        bool fan = end == own->range.inner;
+        for (int sector = 0; sector < SPHERE_SECTORS; sector++) {
+            int ring[2] = {r, fan ? s->rings.count - 1 : end},
+                azimuth[2] = {sector * across, (sector + 1) * across};
+            selection->blocks++;
+            if (!is_visible(s, own, &frustum, ring, azimuth)) continue;
+            if (end > r) add_block(selection, 6 * across * (end - r), 0, r * s->row + azimuth[0]);
+            if (fan) add_block(selection, 3 * across, s->fan_first + 3 * (size_t)azimuth[0], end * s->row);
+        }
+        if (fan) break;
+    }
+}
+
+static void update_view(struct clipmap_sphere *s, struct sphere_view *own, const struct view *view)
+{
+    own->turn = own->seen ? sphere_transport(&own->view, own->turn, view) : 0;
+    own->seen = true;
+    own->view = *view;
+    own->range = sphere_ring_visible(&s->rings, s->terrain, view, over_ground(s->terrain, view));
+    refill(s, own);
+    select_blocks(s, own);
+}
+
+// ---- the contract ----------------------------------------------------------
+
+// As for the plane: a frame's budget is spent once, and the first frame of a flight begins anew.
+void clipmap_sphere_begin_frame(struct clipmap_sphere *s, int frame)
+{
+    bool first = s->frame < 0 || frame < s->frame;
+    for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {
+        struct sphere_view *own = &s->views[i];
+        if (frame != s->frame) own->texels_left = first ? UINT64_MAX : s->choice.budget;
+        if (first) own->seen = false;
+        for (int k = 0; first && s->choice.budget < UINT64_MAX && k < s->layers; k++)
+            own->stores[k].held.box = clipmap_empty;
+    }
+    s->frame = frame;
+}
+
+bool clipmap_sphere_update(struct clipmap_sphere *s, const struct view *views, int count)
+{
+    for (int i = 0; i < count; i++) {
+        if (!s->views[i].heights && !create_view(s, &s->views[i])) return false;
+        update_view(s, &s->views[i], &views[i]);
+    }
+    s->view_count = count;
+    return true;
+}
+
+static void set_uniforms(const struct clipmap_sphere *s, const struct sphere_program *p,
+                         const struct sphere_view *own)
+{
+    GLint windows[SPHERE_MAX_LEVELS][4] = {{0}};
+    GLfloat grids[SPHERE_MAX_LEVELS][4] = {{0}};
+    const double *place = own->view.eye_place;
+    double latitude = place[1] / s->shape.radius_m;
+    for (int k = 0; k < s->layers; k++) {
+        const struct sphere_window *window = &own->stores[k].held;
+        int64_t texel[2];
+        sphere_window_origin(&s->shape, s->shape.finest + k, window, place, texel, &grids[k][2]);
+        windows[k][0] = clipmap_slot(texel[0], window->period);
+        windows[k][1] = clipmap_slot(texel[1], s->shape.size);
+        windows[k][2] = window->period;
+        for (int axis = 0; axis < 2; axis++)
+            grids[k][axis] =
+                (float)(s->shape.radius_m / ldexp(s->shape.spacing_m[axis],
+                                                  s->shape.finest + k + (axis ? 0 : window->decimation)));
+    }
+    glUniform1i(p->heights, HEIGHTS_UNIT);
+    glUniform4iv(p->windows, s->layers, &windows[0][0]);
+    glUniform4fv(p->grids, s->layers, &grids[0][0]);
+    glUniform4f(p->viewer, (float)cos(latitude), (float)sin(latitude),
+                (float)(sphere_level_at(&s->shape, M_PI) - s->shape.finest),
+                1.0f / (float)s->rings.an_octave);
+    glUniform4f(p->pattern, (float)cos(own->turn), (float)sin(own->turn),
+                (float)(own->finest_there - s->shape.finest), (float)(s->layers - 1));
+    if (p->polar >= 0) glUniform1f(p->polar, (float)(M_PI / 2 - latitude));
+}
+
+void clipmap_sphere_draw(struct clipmap_sphere *s, int view_index, enum render_pass pass)
+{
+    const struct sphere_view *own = &s->views[view_index];
+    const struct block_selection *selection = &own->selection;
+    if (!selection->draws) return;
+    gpu_use_program(s->gpu, &s->programs[pass].program);
+    glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, own->heights);
+    set_uniforms(s, &s->programs[pass], own);
+    glBindVertexArray(s->vertex_array);
+    glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, s->indices);
+    gpu_multi_draw_elements(s->gpu, GL_TRIANGLES, selection->counts, GL_UNSIGNED_SHORT,
+                            selection->first_index, selection->base_vertex, selection->draws,
+                            selection->triangles);
+    glBindVertexArray(0);
+}
+
+void clipmap_sphere_stats(const struct clipmap_sphere *s, struct renderer_stats *stats)
+{
+    const struct sphere_view *own = &s->views[0];
+    uint64_t texture =
+        (uint64_t)s->shape.size * (uint64_t)s->shape.size * (uint64_t)s->layers * sizeof(float);
+    double level_outer = sphere_level_at(&s->shape, sphere_ring_angle(&s->rings, own->range.outer));
+    double level_inner = sphere_level_at(&s->shape, sphere_ring_angle(&s->rings, own->range.inner));
+    level_outer = fmin(fmax(level_outer, own->finest_there), s->shape.coarsest);
+    level_inner = fmin(fmax(level_inner, own->finest_there), s->shape.coarsest);
+    *stats = (struct renderer_stats){
+        .triangles = own->selection.triangles,
+        .claimed_error_px = NAN,
+        .resident_bytes =
+            (uint64_t)s->row * (uint64_t)s->rings.count * 16 + texture * (uint64_t)s->view_count,
+        .counters = {{"levels drawn", ceil(level_outer) - floor(level_inner) + 1},
+                     {"rings drawn", own->range.inner - own->range.outer + 1},
+                     {"blocks drawn", own->selection.draws},
+                     {"blocks", own->selection.blocks},
+                     {"samples updated", (double)own->texels_read},
+                     {"levels behind", own->finest_there - s->shape.finest}},
+    };
+}
+
+void clipmap_sphere_destroy(struct clipmap_sphere *s)
+{
+    if (!s) return;
+    for (int pass = 0; pass < PASS_COUNT; pass++) gpu_program_finish(&s->programs[pass].program);
+    for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {
+        if (s->views[i].heights) glDeleteTextures(1, &s->views[i].heights);
+        free(s->views[i].selection.counts);
+        free(s->views[i].selection.first_index);
+        free(s->views[i].selection.base_vertex);
+    }
+    if (s->vertex_array) glDeleteVertexArrays(1, &s->vertex_array);
+    if (s->vertices) glDeleteBuffers(1, &s->vertices);
+    if (s->indices) glDeleteBuffers(1, &s->indices);
+    free(s->scratch);
+    free(s->columns);
+    free(s);
+}
+
+struct clipmap_sphere *clipmap_sphere_create(const struct renderer_desc *desc,
+                                             const struct sphere_choice *choice)
+{
+    struct clipmap_sphere *s = calloc(1, sizeof *s);
+    if (!s) return fail("clipmap: no memory"), NULL;
+    s->gpu = desc->gpu;
+    s->terrain = desc->terrain;
+    s->choice = *choice;
+    s->frame = -1;
+    s->rings = sphere_rings_make(choice->n);
+    sphere_shape_init(&s->shape, desc->terrain, s->rings.azimuths);
+    s->layers = s->shape.coarsest - s->shape.finest + 1;
+    s->max_blocks = (s->rings.count / RINGS_A_BLOCK + 3) * SPHERE_SECTORS * 2;
+    size_t texels = (size_t)s->shape.size * (size_t)s->shape.size;
+    s->scratch = malloc(texels * sizeof *s->scratch);
+    s->columns = malloc((texels + 1) * sizeof *s->columns);
+    if (!s->scratch || !s->columns)
+        fail("clipmap: no memory for %zu texels", texels);
+    else if (create_geometry(s) && build_programs(s, desc->effects))
+        return s;
+    clipmap_sphere_destroy(s);
+    return NULL;
+}

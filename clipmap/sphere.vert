@@ -1,0 +1,78 @@
+// A vertex of a ring about the viewer over a sphere (Clasen & Hege 2006, sections 3.3 and 5.1): it turns with the pattern,
+// finds its longitude and latitude relative to the viewer's, samples one level or a blend of two, and is placed radially.
+// SIZE: texels on a side.  FORM: 0 stable, 1 corrected, 2 published (sphere_rings.h); sphere_angles() is this program's twin.
+
+layout(location = 0) in vec4 ring; // east, north, 1 - cos(angle), and the ring's number
+
+uniform sampler2DArray heights;
+uniform ivec4 windows[32]; // x, y: slot of the viewer's texel; z: texels of a turn or SIZE
+uniform vec4 grids[32];    // xy: texels per radian; zw: the viewer's fraction of a texel
+uniform vec4 viewer;       // sine and cosine of the polar angle; level of ring 0; levels a ring
+uniform vec4 pattern;      // cosine and sine of its turn from east; the finest and the coarsest level that is there
+uniform float polar;       // the viewer's polar angle
+
+vec2 stable_angles(vec3 v)
+{
+    // Half the difference of the polar angles comes from small numbers alone (numerics.md, D2).
+    float a = viewer.x * -v.y + viewer.y * v.z, x = viewer.y * -v.y + viewer.x * (1.0 - v.z);
+    float across = sqrt(x * x + v.x * v.x);
+    float east = x == 0.0 && v.x == 0.0 ? 0.0 : atan(v.x, x);
+    return vec2(east, -2.0 * atan(a, viewer.x + across));
+}
+
+vec2 acos_angles(vec3 v, float sign_of_z)
+{
+    float px = -v.y, pz = 1.0 - v.z, x = viewer.y * px + sign_of_z * viewer.x * pz, z = -viewer.x * px + viewer.y * pz;
+    float east = x == 0.0 && v.x == 0.0 ? 0.0 : atan(v.x, x);
+    return vec2(east, polar - acos(clamp(z, -1.0, 1.0)));
+}
+
+// Equations 11 and 14 near the viewer, blended with 3 and 4.
+vec2 published_angles(vec3 v)
+{
+    const float PI = 3.14159265;
+    float t = polar / PI - 0.5, stretch = 1.0 + 1.0 / PI / (0.25 - t * t) - t * t / 6.0 - 4.0 / PI;
+    float angle = length(v.xy), w = clamp(angle * 1024.0 / PI - 1.0, 0.0, 1.0);
+    return mix(vec2(v.x * stretch, -angle), acos_angles(v, -1.0), w);
+}
+
+vec2 angles_of(vec3 v)
+{
+#if FORM == 0
+    return stable_angles(v);
+#elif FORM == 1
+    return acos_angles(v, 1.0);
+#else
+    return published_angles(v);
+#endif
+}
+
+// The surface of a level: its triangles, split along (i, j)-(i+1, j+1) as everywhere.
+float height_in(int layer, vec2 angles)
+{
+    vec4 grid = grids[layer];
+    ivec4 window = windows[layer];
+    vec2 place = angles * grid.xy + grid.zw, corner = floor(place), f = place - corner;
+    int x0 = (int(corner.x) + window.x + 2 * window.z) % window.z, x1 = x0 + 1 == window.z ? 0 : x0 + 1;
+    int y0 = (int(corner.y) + window.y + 2 * SIZE) % SIZE, y1 = y0 + 1 == SIZE ? 0 : y0 + 1;
+    float sw = texelFetch(heights, ivec3(x0, y0, layer), 0).x, ne = texelFetch(heights, ivec3(x1, y1, layer), 0).x;
+    float other = f.x >= f.y ? texelFetch(heights, ivec3(x1, y0, layer), 0).x : texelFetch(heights, ivec3(x0, y1, layer), 0).x;
+    return f.x >= f.y ? sw + f.x * (other - sw) + f.y * (ne - other) : sw + f.x * (ne - other) + f.y * (other - sw);
+}
+
+float height_at(float ring_number, vec2 angles)
+{
+    float level = clamp(viewer.z - ring_number * viewer.w, pattern.z, pattern.w);
+    int layer = int(floor(level));
+    float w = clamp((level - float(layer)) * 2.0 - 1.0, 0.0, 1.0), z = height_in(layer, angles);
+    if (w > 0.0) z = z * (1.0 - w) + height_in(layer + 1, angles) * w;
+    return z;
+}
+
+vec3 relative_position()
+{
+    vec3 v = vec3(ring.x * pattern.x - ring.y * pattern.y, ring.x * pattern.y + ring.y * pattern.x, ring.z);
+    float z = relative_height(height_at(ring.w, angles_of(v)));
+    float distance = axes[1].w + z;
+    return vec3(distance * v.xy, z - distance * v.z);
+}
