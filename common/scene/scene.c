@@ -177,7 +177,7 @@ static bool read_terrain_options(struct place at, const cJSON *json, int most_fi
     double seed = 0, cache_mib = 0, frame_samples = 0;
     if (!read_int(at, json, "synthesize_levels", 0, most_finer, &options->synthesize_levels) ||
         !read_number(at, json, "seed", 0, 0x1p53, &seed) ||
-        !read_text_value(at, json, "filter", "linear|halfband|tent|decimate", &filter) ||
+        !read_text_value(at, json, "filter", "linear|halfband|tent|decimate|optimal", &filter) ||
         !read_text_value(at, json, "noise", "hash|table", &noise) ||
         !read_number(at, json, "cache_mib", 0.001, 1 << 20, &cache_mib) ||
         !read_number(at, json, "frame_samples", -1, 1 << 30, &frame_samples) ||
@@ -189,6 +189,7 @@ static bool read_terrain_options(struct place at, const cJSON *json, int most_fi
     options->frame_samples = (int64_t)frame_samples;
     options->cache_bytes = (uint64_t)(cache_mib * (1 << 20));
     options->filter = *filter == 'h'   ? TERRAIN_FILTER_HALFBAND
+                      : *filter == 'o' ? TERRAIN_FILTER_OPTIMAL
                       : *filter == 't' ? TERRAIN_FILTER_TENT
                       : *filter == 'd' ? TERRAIN_FILTER_DECIMATE
                                        : TERRAIN_FILTER_LINEAR;

@@ -4,7 +4,7 @@
 //   { "name": "puget",
 //     "terrain": "puget_1k_160m.png"            a file; sought beside the scene, in data/, in $RELIEF_DATA
 //              | { "file": "x.png" | "builtin": "jacksboro",
-//                  "synthesize_levels": 3, "seed": 1, "filter": "linear|halfband|tent|decimate",
+//                  "synthesize_levels": 3, "seed": 1, "filter": "linear|halfband|tent|decimate|optimal",
 //                  "noise": "hash|table",
 //                  "cache_mib": 128,            of a .relief file, which stays on disk: ceiling of what is
 //                                               kept decoded, MiB

@@ -160,20 +160,27 @@ void layout_tile_init(struct layout_tile *tile, enum layout layout, const struct
                       int64_t tx, int64_t ty, const struct patch *coarse, const int32_t step[CODER_BANDS])
 {
     struct coder_tile *coder = &tile->coder;
-    *coder = (struct coder_tile){.first_band = BAND_HL,
+    bool all = layout >= LAYOUT_PYRAMID; // (even, even) samples too
+    *coder = (struct coder_tile){.first_band = all ? 0 : BAND_HL,
                                  .bands = CODER_BANDS,
                                  .siblings = layout == LAYOUT_BOUNDED,
                                  .activity = (const uint16_t(*)[CODER_TILE * CODER_TILE]) tile->activity};
-    for (int band = BAND_HL; band <= BAND_HH; band++) {
+    for (int band = coder->first_band; band <= BAND_HH; band++) {
         int64_t width = grid_band_size(grid, level, band, 0) - tx * CODER_TILE;
         int64_t height = grid_band_size(grid, level, band, 1) - ty * CODER_TILE;
         bool none = width <= 0 || height <= 0;
         coder->width[band] = none ? 0 : (int)smaller(width, CODER_TILE);
         coder->height[band] = none ? 0 : (int)smaller(height, CODER_TILE);
-        coder->set[band] = (layout == LAYOUT_BOUNDED) * 4 + (band == BAND_HH) * 2 + (level == 0);
+        coder->set[band] = all ? 8 +
+                                     (band == 0         ? 0
+                                      : band == BAND_HH ? 4
+                                                        : 2) +
+                                     (level == 0)
+                               : (layout == LAYOUT_BOUNDED) * 4 + (band == BAND_HH) * 2 + (level == 0);
     }
     gather_coarse(tile, grid, level, tx, ty, coarse);
     measure_activity(tile, step);
+    if (all) memcpy(tile->activity[0], tile->activity[BAND_HH], sizeof tile->activity[0]);
 }
 
 // ---- bounded ---------------------------------------------------------------
@@ -189,6 +196,11 @@ static inline int32_t settle(int32_t predicted, const int32_t *wanted, int32_t s
 {
     if (wanted) *k = nearest_multiple(subtract(*wanted, predicted), step);
     return add(predicted, times(*k, step));
+}
+
+int32_t layout_settle(int32_t predicted, const int32_t *wanted, int32_t step, int32_t *k)
+{
+    return settle(predicted, wanted, step, k);
 }
 
 void layout_bounded_tile(const struct layout_tile *tile, int32_t step, const int32_t *wanted, coder_band *k,

@@ -23,7 +23,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-enum layout { LAYOUT_WAVELET, LAYOUT_BOUNDED };
+enum layout { LAYOUT_WAVELET, LAYOUT_BOUNDED, LAYOUT_PYRAMID, LAYOUT_MARS, LAYOUT_RAW, LAYOUTS };
+extern const char *const LAYOUT_NAMES[LAYOUTS];
 
 // Bands of a tile: (odd, even), (even, odd), (odd, odd) samples in (x, y).
 enum { BAND_HL = 1, BAND_LH = 2, BAND_HH = 3 };
@@ -89,6 +90,27 @@ void layout_tile_init(struct layout_tile *tile, enum layout layout, const struct
 // bounded: the tile's samples, [y * LAYOUT_SAMPLES + x], from its coefficients; with `wanted` (NULL:
 // decoding) the coefficients are first chosen so that samples come within step / 2 of it.
 void layout_bounded_tile(const struct layout_tile *tile, int32_t step, const int32_t *wanted, coder_band *k,
+                         int32_t *samples);
+
+// pyramid: likewise, all samples predicted by U of the coarser level.
+void layout_pyramid_tile(const struct layout_tile *tile, int32_t step, const int32_t *wanted, coder_band *k,
+                         int32_t *samples);
+// The coarser level, bands[0], by the optimal filter D of 11 taps (filter_fit.h).
+bool layout_pyramid_reduce(const struct patch *fine, struct patch bands[CODER_BANDS]);
+
+// Coefficient that brings `predicted` to within step / 2 of `*wanted` (NULL: *k is known), and the sample.
+int32_t layout_settle(int32_t predicted, const int32_t *wanted, int32_t step, int32_t *k);
+
+// mars, raw: a tile's k are its samples, [y * LAYOUT_SAMPLES + x] over all bands.  Bytes, at most
+// CODER_MAX_BYTES.
+size_t layout_raw_encode(const struct layout_tile *tile, const coder_band *k, uint8_t *out);
+size_t layout_mars_encode(const struct layout_tile *tile, const coder_band *k, uint8_t *out);
+
+// k from a tile's bytes in any layout; false when they are harmed.
+bool layout_tile_decode(enum layout layout, const struct layout_tile *tile, const uint8_t *data, size_t size,
+                        coder_band *k);
+// A tile's samples from its k, in any layout but wavelet.
+void layout_tile_samples(enum layout layout, const struct layout_tile *tile, int32_t step, coder_band *k,
                          int32_t *samples);
 
 // ---- wavelet ---------------------------------------------------------------

@@ -46,18 +46,67 @@ static bool reduce_bounded(const struct patch *fine, struct patch bands[CODER_BA
     return true;
 }
 
-static void code_bounded(const struct pack_tile *at, struct layout_tile *tile, coder_band *k,
-                         int32_t *samples)
+enum { S = LAYOUT_SAMPLES };
+
+static void gather(const struct pack_tile *at, int32_t wanted[S * S])
 {
-    enum { S = LAYOUT_SAMPLES };
-    int32_t wanted[S * S] = {0};
     const int64_t *size = at->grid->size[at->level];
     int64_t x0 = at->tx * S, y0 = at->ty * S, columns = smaller(S, size[0] - x0),
             rows = smaller(S, size[1] - y0);
-    layout_tile_init(tile, LAYOUT_BOUNDED, at->grid, at->level, at->tx, at->ty, at->coarse, at->step);
+    memset(wanted, 0, S * S * sizeof *wanted);
     for (int64_t y = 0; y < rows; y++)
         memcpy(wanted + y * S, patch_at(at->wanted, x0, y0 + y), (size_t)columns * sizeof *wanted);
+}
+
+static void code_bounded(const struct pack_tile *at, struct layout_tile *tile, coder_band *k,
+                         int32_t *samples)
+{
+    int32_t wanted[S * S];
+    layout_tile_init(tile, LAYOUT_BOUNDED, at->grid, at->level, at->tx, at->ty, at->coarse, at->step);
+    gather(at, wanted);
     layout_bounded_tile(tile, at->step[BAND_HL], wanted, k, samples);
+}
+
+// ---- pyramid ---------------------------------------------------------------
+
+static void code_pyramid(const struct pack_tile *at, struct layout_tile *tile, coder_band *k,
+                         int32_t *samples)
+{
+    int32_t wanted[S * S];
+    layout_tile_init(tile, LAYOUT_PYRAMID, at->grid, at->level, at->tx, at->ty, at->coarse, at->step);
+    gather(at, wanted);
+    layout_pyramid_tile(tile, at->step[BAND_HL], wanted, k, samples);
+}
+
+// ---- mars, raw: a tile's k are its samples ---------------------------------
+
+static void code_raw(const struct pack_tile *at, struct layout_tile *tile, coder_band *k, int32_t *samples)
+{
+    layout_tile_init(tile, LAYOUT_RAW, at->grid, at->level, at->tx, at->ty, at->coarse, at->step);
+    gather(at, samples);
+    memcpy(k, samples, S * S * sizeof *samples);
+}
+
+static size_t encode_raw(const struct layout_tile *tile, const coder_band *k, uint8_t *out,
+                         struct coder_counts *counts)
+{
+    (void)counts;
+    return layout_raw_encode(tile, k, out);
+}
+
+static void code_mars(const struct pack_tile *at, struct layout_tile *tile, coder_band *k, int32_t *samples)
+{
+    uint8_t bytes[CODER_MAX_BYTES];
+    code_raw(at, tile, k, samples);
+    size_t size = layout_mars_encode(tile, (const coder_band *)k, bytes);
+    layout_tile_decode(LAYOUT_MARS, tile, bytes, size, (coder_band *)samples);
+}
+
+static size_t encode_mars(const struct layout_tile *tile, const coder_band *k, uint8_t *out,
+                          struct coder_counts *counts)
+{
+    (void)counts;
+    return layout_mars_encode(tile, k, out);
 }
 
 // ---- the table -------------------------------------------------------------
@@ -67,6 +116,9 @@ const struct pack_method *pack_method(enum layout layout)
     static const struct pack_method METHODS[] = {
         [LAYOUT_WAVELET] = {LAYOUT_REACH, true, layout_wavelet_forward, code_wavelet, encode_bands},
         [LAYOUT_BOUNDED] = {0, false, reduce_bounded, code_bounded, encode_bands},
+        [LAYOUT_PYRAMID] = {LAYOUT_REACH, false, layout_pyramid_reduce, code_pyramid, encode_bands},
+        [LAYOUT_MARS] = {0, false, reduce_bounded, code_mars, encode_mars},
+        [LAYOUT_RAW] = {0, false, reduce_bounded, code_raw, encode_raw},
     };
     return &METHODS[layout];
 }

@@ -339,7 +339,7 @@ static bool read_tile(const struct relief *r, int level, int64_t tx, int64_t ty,
     if (!read_at(r->file, data, side.bytes, RELIEF_HEADER + side.offset))
         return harmed(r, level, tx, ty, "cannot be read; the file is cut short or cannot be reached");
     if ((side.bytes && relief_crc(data, side.bytes) != side.crc) ||
-        !coder_decode(&tile->coder, data, side.bytes, k))
+        !layout_tile_decode(r->header.layout, tile, data, side.bytes, k))
         return harmed(r, level, tx, ty, "is harmed");
     return true;
 }
@@ -358,8 +358,8 @@ static void copy_tile(const int32_t *from, int64_t size, int64_t x0, int64_t y0,
     }
 }
 
-static bool refine_bounded(const struct relief *r, int level, const struct patch *coarse,
-                           const struct patch *wanted)
+static bool refine_tiles(const struct relief *r, int level, const struct patch *coarse,
+                         const struct patch *wanted)
 {
     struct layout_tile tile;
     coder_band k[CODER_BANDS];
@@ -368,7 +368,7 @@ static bool refine_bounded(const struct relief *r, int level, const struct patch
     for (int64_t ty = t.y0; ty < t.y1; ty++)
         for (int64_t tx = t.x0; tx < t.x1; tx++) {
             if (!read_tile(r, level, tx, ty, coarse, &tile, k)) return false;
-            layout_bounded_tile(&tile, r->step[level][BAND_HL], NULL, k, samples);
+            layout_tile_samples(r->header.layout, &tile, r->step[level][BAND_HL], k, samples);
             copy_tile(samples, LAYOUT_SAMPLES, tx * LAYOUT_SAMPLES, ty * LAYOUT_SAMPLES, 1, wanted);
         }
     return true;
@@ -410,7 +410,7 @@ static bool refine_wavelet(const struct relief *r, int level, const struct patch
 bool relief_refine(const struct relief *r, int level, const struct patch *coarse, const struct patch *wanted)
 {
     return r->header.layout == LAYOUT_WAVELET ? refine_wavelet(r, level, coarse, wanted)
-                                              : refine_bounded(r, level, coarse, wanted);
+                                              : refine_tiles(r, level, coarse, wanted);
 }
 
 bool relief_units(const struct relief *r, int level, const struct patch *wanted)

@@ -116,7 +116,7 @@ const char *relief_header_read(struct relief_header *h, const uint8_t b[RELIEF_H
     if (get_u64(b + 8, 4) != RELIEF_VERSION_NUMBER) return "is of another version; version 1 is accepted";
     if (get_u64(b + RELIEF_HEADER - 4, 4) != relief_crc(b, RELIEF_HEADER - 4))
         return "has a header that does not match its checksum";
-    if (get_u64(b + 12, 4) > LAYOUT_BOUNDED) return "is of a codec that is not known";
+    if (get_u64(b + 12, 4) >= LAYOUTS) return "is of a codec that is not known";
     h->layout = (enum layout)get_u64(b + 12, 4);
     for (int axis = 0; axis < 2; axis++) {
         h->size[axis] = (int64_t)get_u64(b + 16 + 8 * axis, 8);

@@ -478,8 +478,11 @@ static void set_bounded_steps(struct pack *p)
 {
     double most = floor(p->options->max_m / p->source->quantum_m * (1 + 1e-12));
     int32_t step = 2 * (int32_t)(most < QUANTA_LIMIT ? most : QUANTA_LIMIT) + 1;
-    for (int l = 0; l < p->coder.grid.count; l++)
-        for (int b = 0; b < CODER_BANDS; b++) p->coder.step[l][b] = step;
+    for (int l = 0; l < p->coder.grid.count; l++) {
+        int64_t own = p->options->scaled ? ((int64_t)step << (l < 24 ? l : 24)) | 1 : step;
+        for (int b = 0; b < CODER_BANDS; b++)
+            p->coder.step[l][b] = (int32_t)(own < 1 << 27 ? own : (1 << 27) - 1);
+    }
 }
 
 // Equal slopes of error against rate: a band's step is inverse to what its coefficients add to level 0.
@@ -776,7 +779,7 @@ static uint64_t identity_of(const struct pack *p)
 {
     const struct relief_pack_options *o = p->options;
     uint64_t hash = p->source->identity;
-    const double aims[3] = {o->layout, o->rms_m, o->max_m};
+    const double aims[4] = {o->layout, o->rms_m, o->max_m, o->scaled};
     hash = scrambled(hash ^ relief_crc((const uint8_t *)aims, sizeof aims));
     hash = scrambled(hash ^ relief_crc((const uint8_t *)&CODER_TABLES, sizeof CODER_TABLES));
     hash = scrambled(hash ^ relief_crc((const uint8_t *)p->source->name, strlen(p->source->name)));

@@ -20,7 +20,9 @@ struct relief_pack_options {
     // The steps that reach it are searched for on the whole map where it fits in memory, else on a sample of
     // it.
     double rms_m;
-    double max_m;        // bounded: no sample of any level differs by more; 0: lossless
+    // bounded: no sample of any level differs by more; 0: lossless.  pyramid: of its filtered levels.
+    double max_m;
+    bool scaled;         // pyramid: level l may differ 2^l times as much, the paper's first approach
     int threads;         // 0: one for each processor; the file does not depend on it
     size_t memory_bytes; // not to be exceeded but by a loaded source; 0: 512 MiB
     bool restart;        // what an earlier pack left in OUT.part is thrown away

@@ -18,8 +18,6 @@
 #include <time.h>
 #include <unistd.h>
 
-static const char *const LAYOUT_NAMES[] = {[LAYOUT_WAVELET] = "wavelet", [LAYOUT_BOUNDED] = "bounded"};
-
 static const struct cli_option END = {NULL, NULL, NULL, CLI_FLAG, NULL, 0, 0, NULL};
 
 bool relief_is_name(const char *path)
@@ -47,16 +45,18 @@ static double file_bytes(const char *path)
 static bool choose(const char *codec, double rms_m, double max_m, bool lossless,
                    struct relief_pack_options *options)
 {
-    int said = (rms_m >= 0) + (max_m >= 0) + lossless;
-    if (said != 1) return fail("pack: one of --rms M, --max M and --lossless is expected");
-    bool wavelet = rms_m >= 0;
-    *options = (struct relief_pack_options){.layout = wavelet ? LAYOUT_WAVELET : LAYOUT_BOUNDED,
-                                            .rms_m = wavelet ? rms_m : 0,
-                                            .max_m = max_m >= 0 ? max_m : 0};
-    if (wavelet && !(rms_m > 0)) return fail("pack: --rms 0 is --lossless; more than 0 is accepted");
-    if (codec && strcmp(codec, LAYOUT_NAMES[options->layout]) != 0)
-        return fail("pack: --codec %s does not serve that aim; wavelet takes --rms, bounded takes --max and "
-                    "--lossless",
+    int said = (rms_m >= 0) + (max_m >= 0) + lossless, layout = rms_m >= 0 ? LAYOUT_WAVELET : LAYOUT_BOUNDED;
+    for (int i = 0; codec && i < LAYOUTS; i++)
+        if (strcmp(codec, LAYOUT_NAMES[i]) == 0) layout = i;
+    bool aimless = layout == LAYOUT_MARS || layout == LAYOUT_RAW;
+    *options = (struct relief_pack_options){
+        .layout = (enum layout)layout, .rms_m = rms_m >= 0 ? rms_m : 0, .max_m = max_m >= 0 ? max_m : 0};
+    if (said != 1 && !aimless) return fail("pack: one of --rms M, --max M and --lossless is expected");
+    if (said != 0 && aimless) return fail("pack: --codec %s takes no aim", codec);
+    if (rms_m >= 0 && !(rms_m > 0)) return fail("pack: --rms 0 is --lossless; more than 0 is accepted");
+    if (!aimless && (layout == LAYOUT_WAVELET) != (rms_m > 0))
+        return fail("pack: --codec %s does not serve that aim; wavelet takes --rms, bounded and pyramid take "
+                    "--max and --lossless",
                     codec);
     return true;
 }
@@ -115,13 +115,14 @@ int relief_pack_main(int argc, char **argv)
 {
     const char *words[2] = {NULL, NULL}, *codec = NULL;
     double rms_m = -1, max_m = -1;
-    bool lossless = false, restart = false, progress = false;
+    bool lossless = false, scaled = false, restart = false, progress = false;
     int count = 2, threads = 0, memory_mib = 512;
     const struct cli_option options[] = {
         {"rms", "M", "rms error to reach, metres", CLI_NUMBER, &rms_m, 0, 1e6, NULL},
         {"max", "M", "largest error allowed, metres", CLI_NUMBER, &max_m, 0, 1e6, NULL},
         {"lossless", NULL, "no error at all", CLI_FLAG, &lossless, 0, 0, NULL},
-        {"codec", "NAME", "how", CLI_TEXT, &codec, 0, 0, "wavelet|bounded"},
+        {"codec", "NAME", "how", CLI_TEXT, &codec, 0, 0, "wavelet|bounded|pyramid|mars|raw"},
+        {"scaled", NULL, "pyramid: level l may be 2^l times less accurate", CLI_FLAG, &scaled, 0, 0, NULL},
         {"memory", "MIB", "not to be exceeded", CLI_INT, &memory_mib, 1, 1 << 20, NULL},
         {"threads", "N", "by default one for each processor; changes no byte", CLI_INT, &threads, 1, 64,
          NULL},
@@ -139,6 +140,7 @@ int relief_pack_main(int argc, char **argv)
     if (!choose(codec, rms_m, max_m, lossless, &pack)) return EXIT_COMMAND_LINE;
     pack.memory_bytes = (size_t)memory_mib << 20;
     pack.threads = threads;
+    pack.scaled = scaled && pack.layout == LAYOUT_PYRAMID;
     pack.restart = restart;
     pack.progress = progress || isatty(STDERR_FILENO);
     return run_pack(words[0], words[1], &pack);

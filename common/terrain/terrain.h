@@ -36,6 +36,9 @@ enum terrain_filter {
     TERRAIN_FILTER_HALFBAND, // (-1 0 9 16 9 0 -1)/32: the adjoint of U (Losasso & Hoppe 2004)
     TERRAIN_FILTER_TENT,     // (1 2 1)/4
     TERRAIN_FILTER_DECIMATE, // (1): every other sample
+    TERRAIN_FILTER_OPTIMAL, // 11 taps, the least squares fit by U (Losasso & Hoppe 2004, section 7, footnote;
+                            // filter_fit.h)
+    TERRAIN_FILTERS
 };
 
 // Where the noise of synthesised levels comes from.

@@ -95,22 +95,25 @@ int64_t downsample_size(int64_t first, int64_t size)
            1; // last = ceil((first + size - 1) / 2) = floor((first + size) / 2)
 }
 
-// Taps at -3..3; their sum is 2^shift.
-static const struct taps {
-    int32_t weight[7];
-    int shift;
-} FILTERS[] = {
-    [TERRAIN_FILTER_LINEAR] = {{0, -1, 2, 6, 2, -1, 0}, 3},
-    [TERRAIN_FILTER_HALFBAND] = {{-1, 0, 9, 16, 9, 0, -1}, 5},
-    [TERRAIN_FILTER_TENT] = {{0, 0, 1, 2, 1, 0, 0}, 2},
-    [TERRAIN_FILTER_DECIMATE] = {{0, 0, 0, 1, 0, 0, 0}, 0},
+static const struct filter_taps FILTERS[] = {
+    [TERRAIN_FILTER_LINEAR] = {{6, 2, -1}, 2, 3},
+    [TERRAIN_FILTER_HALFBAND] = {{16, 9, 0, -1}, 3, 5},
+    [TERRAIN_FILTER_TENT] = {{2, 1}, 1, 2},
+    [TERRAIN_FILTER_DECIMATE] = {{1}, 0, 0},
+    // filter_solve of bigtujunga, everest and jacksboro: .6479 .3050 -.1107 -.0738 .0619 -.0063
+    [TERRAIN_FILTER_OPTIMAL] = {{166, 78, -28, -19, 16, -2}, 5, 8},
 };
 
-enum { ROWS_A_BLOCK = 32, GHOSTS = 4, SLOPE_CELLS = 4 };
+const struct filter_taps *filter_taps(enum terrain_filter filter)
+{
+    return &FILTERS[filter];
+}
+
+enum { ROWS_A_BLOCK = 32, GHOSTS = 6, SLOPE_CELLS = 4 };
 
 struct downsampling {
     const int32_t *fine;
-    const struct taps *taps;
+    const struct filter_taps *taps;
     int64_t first[2], size[2], coarse_first[2], coarse_size[2];
     int32_t *rows;     // fine rows filtered along x, scaled by 2^shift; GHOSTS more rows on either side
     int32_t *extended; // for each block one fine row with GHOSTS more samples on either side
@@ -150,11 +153,17 @@ static void filter_rows(int block, void *user)
         int32_t *out = d->rows + (y + GHOSTS) * d->coarse_size[0];
         const int32_t *centre = extended + GHOSTS + (2 * d->coarse_first[0] - d->first[0]);
         for (int64_t i = 0; i < d->coarse_size[0]; i++) {
-            int32_t sum = 0;
-            for (int k = -3; k <= 3; k++) sum += d->taps->weight[k + 3] * centre[2 * i + k];
+            const int32_t *at = centre + 2 * i;
+            int32_t sum = d->taps->half[0] * at[0];
+            for (int k = 1; k <= d->taps->reach; k++) sum += d->taps->half[k] * (at[-k] + at[k]);
             out[i] = sum;
         }
     }
+}
+
+static int32_t in_32_bits(int64_t value)
+{
+    return value > INT32_MAX ? INT32_MAX : value < INT32_MIN ? INT32_MIN : (int32_t)value;
 }
 
 static void extend_columns(const struct downsampling *d)
@@ -163,8 +172,8 @@ static void extend_columns(const struct downsampling *d)
     int32_t *south = d->rows + GHOSTS * width, *north = south + (d->size[1] - 1) * width;
     for (int64_t k = 1; k <= GHOSTS; k++)
         for (int64_t i = 0; i < width; i++) {
-            south[i - k * width] = (int32_t)beyond(south[i], south[i + cells * width], cells, k);
-            north[i + k * width] = (int32_t)beyond(north[i], north[i - cells * width], cells, k);
+            south[i - k * width] = in_32_bits(beyond(south[i], south[i + cells * width], cells, k));
+            north[i + k * width] = in_32_bits(beyond(north[i], north[i - cells * width], cells, k));
         }
 }
 
@@ -177,8 +186,10 @@ static void filter_columns(int block, void *user)
     for (int64_t j = (int64_t)block * ROWS_A_BLOCK; j < end && j < d->coarse_size[1]; j++) {
         const int32_t *centre = d->rows + (GHOSTS + 2 * (d->coarse_first[1] + j) - d->first[1]) * width;
         for (int64_t i = 0; i < width; i++) {
-            int64_t sum = round;
-            for (int k = -3; k <= 3; k++) sum += (int64_t)d->taps->weight[k + 3] * centre[i + k * width];
+            const int32_t *at = centre + i;
+            int64_t sum = round + (int64_t)d->taps->half[0] * at[0];
+            for (int k = 1; k <= d->taps->reach; k++)
+                sum += d->taps->half[k] * ((int64_t)at[-k * width] + at[k * width]);
             d->coarse[j * width + i] = limit(sum >> shift);
         }
     }

@@ -20,6 +20,14 @@ int upsample_coarse_size(int64_t x0, int size);
 // of the range (numerics.md, B11).
 void upsample(const int32_t *coarse, int64_t x0, int64_t y0, int width, int height, int32_t *fine);
 
+// Taps of a filter along one axis, half of a symmetric line: half[k] at -k and k; they sum to 2^shift.
+struct filter_taps {
+    int32_t half[6];
+    int reach; // half[reach] is the last tap that is not 0
+    int shift;
+};
+const struct filter_taps *filter_taps(enum terrain_filter filter);
+
 // One coarser level of a whole grid.  `first` and `coarse_first` are indices of the south-west samples;
 // ghosts beyond the border continue the line through the last sample and the fourth before it (numerics.md,
 // E3).  The caller gives room for downsample_size(first, size) per axis.  Sums are exact and rounded once,

@@ -87,7 +87,8 @@ int main(int argc, char **argv)
             if (!count(argv[i], LAYOUT_WAVELET, RMS_M[k], counts))
                 note("%s is left out at that rate", argv[i]);
         for (size_t k = 0; k < sizeof MAX_M / sizeof *MAX_M; k++)
-            if (!count(argv[i], LAYOUT_BOUNDED, MAX_M[k], counts)) return free(counts), EXIT_WORLD;
+            for (enum layout layout = LAYOUT_BOUNDED; layout <= LAYOUT_PYRAMID; layout++)
+                if (!count(argv[i], layout, MAX_M[k], counts)) return free(counts), EXIT_WORLD;
     }
     print_tables(counts);
     free(counts);

@@ -21,10 +21,9 @@ static const struct {
     enum layout layout;
     int width, height;
     double error_m;
-} SEEDS[] = {{LAYOUT_WAVELET, 41, 70, 4},
-             {LAYOUT_BOUNDED, 70, 41, 2},
-             {LAYOUT_BOUNDED, 33, 18, 0},
-             {LAYOUT_WAVELET, 5, 7, 1}};
+} SEEDS[] = {{LAYOUT_WAVELET, 41, 70, 4}, {LAYOUT_BOUNDED, 70, 41, 2}, {LAYOUT_BOUNDED, 33, 18, 0},
+             {LAYOUT_WAVELET, 5, 7, 1},   {LAYOUT_PYRAMID, 37, 21, 2}, {LAYOUT_MARS, 41, 30, 0},
+             {LAYOUT_RAW, 19, 11, 0}};
 enum { SEED_COUNT = sizeof SEEDS / sizeof *SEEDS };
 
 static struct seed_file make_seed(int n)

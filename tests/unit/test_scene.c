@@ -258,7 +258,7 @@ static void refuses_in_one_line(void **state)
         {"{\"name\": \"t\", \"terrain\": {\"builtin\": \"jacksboro\", \"latency_frames\": 0}}",
          "latency_frames", "1.."},
         {"{\"name\": \"t\", \"terrain\": {\"builtin\": \"jacksboro\", \"filter\": \"box\"}}", "filter",
-         "linear|halfband|tent|decimate"},
+         "linear|halfband|tent|decimate|optimal"},
         {"{\"name\": \"t\", \"terrain\": \"no such.png\"}", "no such.png", "beside the scene"},
         {"{\"name\": \"t\", \"terrain\": \"/no such.png\"}", "/no such.png", "No such file"},
         {SCENE(", \"path\": \"fly\""), "fly", "\"auto\""},
