@@ -131,7 +131,7 @@ enum { SLOTS_MAX = PGM_LEVELS_MAX + PGM_PICTURE_LEVELS_MAX }; // heights, then c
 
 // The uniform blocks `sampling` and `grid_rows`, std140.
 struct sampling_block {
-    float axes[4];
+    float ground_axes[4];
     float across[4];
     float eye[4];
     int32_t base[4];
@@ -601,8 +601,8 @@ static void fill_block(struct pgm *pgm, const struct selection *selection, const
     block->across[0] = (float)((double)pgm->settings.columns / selection->used.columns);
     block->across[1] = block->across[0] - 1;
     for (int axis = 0; axis < 2; axis++) {
-        block->axes[axis] = (float)sampler->forward[axis];
-        block->axes[axis + 2] = (float)sampler->right[axis];
+        block->ground_axes[axis] = (float)sampler->forward[axis];
+        block->ground_axes[axis + 2] = (float)sampler->right[axis];
     }
     for (int axis = 0; axis < 3; axis++) block->eye[axis] = (float)view->eye_m[axis];
     block->eye[3] = (float)sampler->height_m;

@@ -136,12 +136,12 @@ vec2 place_of(vec4 row)
 #if defined(MAPPING_PUBLISHED)
     // Equation 1 in the world's coordinates, the grid at a distance of 1 m: digits cancel.
     float scale = inversesqrt(row.x * row.x + side * side + eye.w * eye.w);
-    vec3 vertex = eye.xyz + scale * vec3(axes.xy * row.x + axes.zw * side, -eye.w);
+    vec3 vertex = eye.xyz + scale * vec3(ground_axes.xy * row.x + ground_axes.zw * side, -eye.w);
     float ground = eye.z - eye.w;
     vec3 point = eye.xyz + (eye.z - ground) / (eye.z - vertex.z) * (vertex - eye.xyz);
     return point.xy - eye.xy;
 #else
-    return axes.xy * row.x + axes.zw * side;
+    return ground_axes.xy * row.x + ground_axes.zw * side;
 #endif
 }
 

@@ -1,7 +1,7 @@
 // Where the samples of heights' levels, and after them those of colours', are, for vertices and for fragments.  TILED: some
 // levels are tiles about the viewer, whose texels wrap, or arrive later.  EDGE_CLAMPED: what lies beyond the map reads its border.
 layout(std140) uniform sampling {
-    vec4 axes;               // e_f, e_r
+    vec4 ground_axes;        // e_f, e_r
     vec4 across;             // X of the columns in use: x X + y; z: from a level of heights to one of colours
     vec4 eye;                // the eye in the world; w: height over the sampling plane
     ivec4 base;              // x: quanta of texel 0; y: last slot of heights; z: last slot of colours
