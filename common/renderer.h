@@ -12,7 +12,7 @@
 
 #include "common/gl/gpu.h"
 
-enum { RENDERER_MAX_VIEWS = 2, RENDERER_MAX_KNOBS = 32, RENDERER_MAX_COUNTERS = 16 };
+enum { RENDERER_MAX_VIEWS = 2, RENDERER_MAX_KNOBS = 32, RENDERER_MAX_COUNTERS = 24 };
 
 // A knob: one number or one word out of `choices` (its value is then the word's index).
 struct renderer_knob {

@@ -570,7 +570,7 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
     const struct geomipmap *g = (const struct geomipmap *)renderer;
     const struct geomipmap_cache_counts *now = &g->cache.counts, *before = &g->counts_before;
     double samples = (double)terrain_info(g->tiles.terrain)->samples;
-    size_t own = tile_bytes(g);
+    size_t own = tile_bytes(g) + geomipmap_shading_bytes(&g->shading);
     int late = g->view_count > 0 ? g->views[0].selection.late : 0;
     *stats = (struct renderer_stats){
         .triangles = g->view_count > 0 ? g->views[0].triangles : 0,

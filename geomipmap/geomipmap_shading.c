@@ -110,6 +110,15 @@ void geomipmap_shading_finish(struct geomipmap_shading *shading)
     *shading = (struct geomipmap_shading){0};
 }
 
+size_t geomipmap_shading_bytes(const struct geomipmap_shading *shading)
+{
+    size_t blocks = (size_t)shading->blocks.columns * (size_t)shading->blocks.rows, bytes = 0;
+    for (int level = 0; level < shading->light_picture.levels; level++)
+        bytes += (size_t)shading->light_picture.level[level].width *
+                 (size_t)shading->light_picture.level[level].height;
+    return bytes + blocks * (sizeof *shading->need_of + sizeof *shading->needs + sizeof *shading->starts);
+}
+
 void geomipmap_shading_use_program(struct geomipmap_shading *shading, GLuint program)
 {
     shading->light_unit = glGetUniformLocation(program, "block_light");

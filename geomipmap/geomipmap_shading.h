@@ -35,7 +35,8 @@ struct geomipmap_shading {
 bool geomipmap_shading_init(struct geomipmap_shading *shading, struct gpu *gpu,
                             const struct geomipmap_tiles *tiles, const struct geomipmap_colour *colour,
                             int most_px, size_t ceiling_bytes);
-void geomipmap_shading_finish(struct geomipmap_shading *shading); // accepts a zeroed shading
+void geomipmap_shading_finish(struct geomipmap_shading *shading);        // accepts a zeroed shading
+size_t geomipmap_shading_bytes(const struct geomipmap_shading *shading); // of memory; images not counted
 void geomipmap_shading_use_program(struct geomipmap_shading *shading, GLuint program);
 
 int geomipmap_shading_block(const struct geomipmap_shading *shading, struct geomipmap_place place);
