@@ -11,6 +11,7 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 // ---- running a program -----------------------------------------------------
 
@@ -437,27 +438,44 @@ static void test_optimisation_changes_nothing(void **state)
 }
 
 // Ctrl-C keeps what was measured.
-static void test_interrupt_keeps_results(void **state)
+// Starts a run that would last for hours and returns once its first timed flight is done.
+// `*progress` is what it says on stderr, to be kept open as long as it runs.
+static pid_t start_long_run(const char *name, FILE **progress)
 {
-    (void)state;
-    char out[512];
+    char program[512], terrain[512], out[512], line[512];
     const char *build = getenv("RELIEF_BUILD");
-    char program[512], terrain[512];
     snprintf(program, sizeof program, "%s/bench", build ? build : "build");
     snprintf(terrain, sizeof terrain, "%s/hills.png", folder);
-    snprintf(out, sizeof out, "%s/stopped", folder);
+    snprintf(out, sizeof out, "%s/%s", folder, name);
+    int ends[2];
+    assert_int_equal(pipe(ends), 0);
     pid_t child = fork();
     if (child == 0) {
         unsetenv("DISPLAY");
-        if (!freopen("/dev/null", "w", stderr) || !freopen("/dev/null", "w", stdout)) _exit(99);
+        if (!freopen("/dev/null", "w", stdout) || dup2(ends[1], STDERR_FILENO) < 0) _exit(99);
+        close(ends[0]);
         execl(program, program, "run", "--terrain", terrain, "--repeats", "1000", "--size", "64x48", "--out",
               out, "--renderers", "null,clipmap", (char *)NULL);
         _exit(99);
     }
-    sleep(8); // long enough to be in the timed flights, which last for minutes
+    close(ends[1]);
+    *progress = fdopen(ends[0], "r");
+    assert_non_null(*progress);
+    bool timed = false;
+    while (!timed && fgets(line, sizeof line, *progress)) timed = strstr(line, "flight 2 of 1000");
+    assert_true(timed);
+    return child;
+}
+
+static void test_interrupt_keeps_results(void **state)
+{
+    (void)state;
+    FILE *progress = NULL;
+    pid_t child = start_long_run("stopped", &progress);
     kill(child, SIGINT);
     int status = 0;
     waitpid(child, &status, 0);
+    fclose(progress);
     assert_true(WIFEXITED(status));
     assert_int_equal(WEXITSTATUS(status), EXIT_INTERRUPTED);
     cJSON *results = read_results("stopped");
