@@ -8,6 +8,7 @@
 //   papers_table.c    a table as text, JSON and HTML
 //   papers_flight.c   timed flights of renderers
 //   papers_clipmap.c  Losasso & Hoppe 2004      papers_mars.c  geometry clipmapping for Mars
+//   papers_compression.c  what both papers print of their coders
 //   papers_geomipmap.c  Brodersen 2005          papers_pgm.c   Livny et al. 2008
 // SPDX-License-Identifier: MIT
 #ifndef BENCH_PAPERS_H
@@ -87,8 +88,10 @@ void papers_level_errors(const struct terrain *terrain, int level, double *error
 // Each returns false after one line on stderr; a skipped table is no failure.
 typedef bool papers_measure(struct papers *papers, struct papers_table *table);
 papers_measure papers_clipmap_update, papers_clipmap_error, papers_clipmap_rate; // Losasso & Hoppe 2004
-papers_measure papers_mars_rendering;                                            // Mars, Table 3
-papers_measure papers_geomipmap_sets, papers_geomipmap_rate;                     // Brodersen 2005
+papers_measure papers_clipmap_space, papers_clipmap_compression, papers_clipmap_filter, papers_clipmap_apart,
+    papers_mars_compression;                                 // papers_compression.c
+papers_measure papers_mars_rendering;                        // Mars, Table 3
+papers_measure papers_geomipmap_sets, papers_geomipmap_rate; // Brodersen 2005
 papers_measure papers_pgm_rates, papers_pgm_steps, papers_pgm_extension, papers_pgm_distortion,
     papers_pgm_error, papers_pgm_angles, papers_pgm_updates, papers_pgm_culled; // Livny et al. 2008
 
