@@ -496,6 +496,9 @@ static void pgm_destroy(struct renderer *renderer)
 
 static struct renderer *pgm_create(const struct renderer_desc *desc)
 {
+    const struct terrain_info *info = terrain_info(desc->terrain);
+    if (info->datum != TERRAIN_PLANE)
+        return fail("pgm: terrain %s is a sphere; accepted are planes", info->name), NULL;
     struct pgm *pgm = calloc(1, sizeof *pgm);
     if (!pgm) return fail("pgm: out of memory"), NULL;
     pgm->renderer.type = &pgm_renderer;

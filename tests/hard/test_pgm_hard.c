@@ -247,9 +247,32 @@ static void test_error_falls_with_rows(void **state)
     scene_destroy(scene);
 }
 
+// The sampling camera's plane is one of the world's.
+static void test_a_sphere_is_refused(void **state)
+{
+    enum { TURN = 64, ROWS = 33 };
+    static int32_t samples[ROWS * TURN];
+    struct terrain_grid grid = {.name = "planet",
+                                .samples = samples,
+                                .width = TURN,
+                                .height = ROWS,
+                                .first = {-TURN / 2, 0},
+                                .spacing_m = {1, 1},
+                                .quantum_m = 1};
+    struct terrain_options options = {.radius_m = 1000000};
+    struct terrain *planet = terrain_from_grid(&grid, &options);
+    assert_non_null(planet);
+    struct renderer_desc desc = {
+        .gpu = *state, .terrain = planet, .effects = &common_effects, .width = 64, .height = 64};
+    renderer_default_knobs(&pgm_renderer, desc.knobs);
+    assert_null(pgm_renderer.create(&desc));
+    terrain_destroy(planet);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_a_sphere_is_refused),
         cmocka_unit_test(test_a_far_ridge_gains_from_rows),
         cmocka_unit_test(test_every_camera_draws_finite_ground),
         cmocka_unit_test(test_maps_of_any_size),
