@@ -51,7 +51,7 @@ static void fill_table(struct options *o, const struct renderer_type *type)
          .help = "elevation file instead of the scene's; a path is made for it",
          .kind = CLI_TEXT,
          .value = &o->terrain},
-        {.name = "cache",
+        {.name = "cache-mib",
          .metavar = "MIB",
          .help = "of a .relief file, which stays on disk: most that is kept decoded (default: the scene's, "
                  "or 128)",

@@ -49,7 +49,7 @@ static void flights_are_whole(void **state)
         double process_mib = 0, terrain_mib = 0;
         snprintf(
             command, sizeof command,
-            "env -u DISPLAY -u WAYLAND_DISPLAY %s/bench fly --terrain %s --cache %d --frames %d --look %d "
+            "env -u DISPLAY -u WAYLAND_DISPLAY %s/bench fly --terrain %s --cache-mib %d --frames %d --look %d "
             "--size %dx%d --renderers %s",
             build ? build : "build", in_folder("world.relief"), CACHE_MIB, test_size(25, 1000),
             test_size(8, 10), WIDTH, HEIGHT, FLOWN[r].in_words);
