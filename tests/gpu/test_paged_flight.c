@@ -47,12 +47,12 @@ static void flights_are_whole(void **state)
         char command[1024], line[1024];
         unsigned long long ground = 0, holes = 1;
         double process_mib = 0, terrain_mib = 0;
-        snprintf(
-            command, sizeof command,
-            "env -u DISPLAY -u WAYLAND_DISPLAY %s/bench fly --terrain %s --cache-mib %d --frames %d --look %d "
-            "--size %dx%d --renderers %s",
-            build ? build : "build", in_folder("world.relief"), CACHE_MIB, test_size(25, 1000),
-            test_size(8, 10), WIDTH, HEIGHT, FLOWN[r].in_words);
+        snprintf(command, sizeof command,
+                 "env -u DISPLAY -u WAYLAND_DISPLAY %s/bench fly --terrain %s --cache-mib %d --frames %d "
+                 "--look %d "
+                 "--size %dx%d --renderers %s",
+                 build ? build : "build", in_folder("world.relief"), CACHE_MIB, test_size(25, 1000),
+                 test_size(8, 10), WIDTH, HEIGHT, FLOWN[r].in_words);
         FILE *said = popen(command, "r");
         assert_non_null(said);
         while (fgets(line, sizeof line, said)) {
