@@ -74,9 +74,10 @@ static void read_step(const struct geomipmap_tiles *tiles, struct terrain_reader
 
 // ---- measuring ----------------------------------------------------------------------------------
 
-struct job { // one row of tiles of one height a block of work
+struct job { // one row of the largest tiles, with all smaller ones in it, a block of work: samples are read
+             // once
     struct geomipmap_tiles *tiles;
-    const struct geomipmap_plan *plan;
+    struct geomipmap_plan plans[GEOMIPMAP_MAX_HEIGHTS]; // by height, those that may be drawn
     enum geomipmap_delta delta;
     atomic_bool failed;
 };
@@ -208,13 +209,13 @@ static struct geomipmap_range strip_lane(struct strip *strip, const struct geomi
     return range;
 }
 
-static void measure_strip(struct job *job, struct strip *strip, int row, int column)
+static void measure_strip(const struct job *job, int height, struct strip *strip, int row, int column)
 {
     struct geomipmap_tiles *tiles = job->tiles;
-    struct geomipmap_grid *grid = &tiles->grid[job->plan->height];
+    struct geomipmap_grid *grid = &tiles->grid[height];
     int count = grid->columns - column;
     float error[GEOMIPMAP_LANES][GEOMIPMAP_MAX_LEVELS];
-    double height[GEOMIPMAP_LANES];
+    double spans[GEOMIPMAP_LANES];
     struct geomipmap_range range[GEOMIPMAP_LANES];
     const struct geomipmap_heights heights = {strip->lanes,      tiles->filtered ? strip->drawn : NULL,
                                               strip->corner_low, strip->corner_high,
@@ -222,9 +223,9 @@ static void measure_strip(struct job *job, struct strip *strip, int row, int col
     strip_read(strip, tiles, row, column);
     for (int lane = 0; lane < GEOMIPMAP_LANES; lane++) {
         range[lane] = strip_lane(strip, tiles, lane);
-        height[lane] = (double)range[lane].high - range[lane].low;
+        spans[lane] = (double)range[lane].high - range[lane].low;
     }
-    geomipmap_plan_measure(job->plan, job->delta, &heights, height, error);
+    geomipmap_plan_measure(&job->plans[height], job->delta, &heights, spans, error);
     for (int lane = 0; lane < GEOMIPMAP_LANES && lane < count; lane++) {
         size_t tile = (size_t)row * (size_t)grid->columns + (size_t)(column + lane);
         grid->range[tile] = range[lane];
@@ -233,29 +234,41 @@ static void measure_strip(struct job *job, struct strip *strip, int row, int col
     }
 }
 
-static void measure_row(int row, void *user)
+static bool measure_rows(const struct job *job, int height, int first, int end)
 {
-    struct job *job = user;
+    const struct geomipmap_grid *grid = &job->tiles->grid[height];
     struct strip strip;
-    if (strip_init(&strip, job->plan, job->tiles->filtered))
-        for (int column = 0; column < job->tiles->grid[job->plan->height].columns; column += GEOMIPMAP_LANES)
-            measure_strip(job, &strip, row, column);
-    else
-        atomic_store(&job->failed, true);
+    bool good = strip_init(&strip, &job->plans[height], job->tiles->filtered);
+    for (int row = first; good && row < end && row < grid->rows; row++)
+        for (int column = 0; column < grid->columns; column += GEOMIPMAP_LANES)
+            measure_strip(job, height, &strip, row, column);
     strip_finish(&strip);
+    return good;
 }
 
-static bool measure_height(struct geomipmap_tiles *tiles, int height, enum geomipmap_delta delta, int threads)
+static void measure_band(int band, void *user)
 {
-    struct geomipmap_plan plan;
-    if (!geomipmap_plan_init(&plan, tiles->bits, height)) return false;
-    struct job job = {.tiles = tiles, .plan = &plan, .delta = delta};
-    parallel_blocks(tiles->grid[height].rows, threads, measure_row, &job);
-    geomipmap_plan_finish(&plan);
-    const struct geomipmap_grid *grid = &tiles->grid[height];
-    for (size_t tile = 0; tile < grid_size(grid); tile++)
-        if ((int64_t)grid->range[tile].high - grid->range[tile].low > UINT16_MAX) tiles->wide = true;
-    return !atomic_load(&job.failed) || fail("geomipmap: no memory to measure a row of tiles");
+    struct job *job = user;
+    int merge = job->tiles->merge;
+    for (int height = 0; height <= merge; height++)
+        if (!measure_rows(job, height, band << (merge - height), (band + 1) << (merge - height)))
+            atomic_store(&job->failed, true);
+}
+
+static bool measure(struct geomipmap_tiles *tiles, enum geomipmap_delta delta, int threads)
+{
+    struct job job = {.tiles = tiles, .delta = delta};
+    bool good = true;
+    for (int height = 0; height <= tiles->merge && good; height++)
+        good = geomipmap_plan_init(&job.plans[height], tiles->bits, height);
+    if (good) parallel_blocks(tiles->grid[tiles->merge].rows, threads, measure_band, &job);
+    for (int height = 0; height <= tiles->merge; height++) {
+        const struct geomipmap_grid *grid = &tiles->grid[height];
+        geomipmap_plan_finish(&job.plans[height]);
+        for (size_t tile = 0; tile < grid_size(grid) && good; tile++)
+            if ((int64_t)grid->range[tile].high - grid->range[tile].low > UINT16_MAX) tiles->wide = true;
+    }
+    return good && (!atomic_load(&job.failed) || fail("geomipmap: no memory to measure a row of tiles"));
 }
 
 // Ranges of tiles that are only culled, from those one height below.
@@ -319,12 +332,8 @@ bool geomipmap_tiles_init(struct geomipmap_tiles *tiles, const struct terrain *t
     };
     bool good = allocate(tiles, tiles_along(level.extent.x1 - tiles->x0, 1 << bits),
                          tiles_along(level.extent.y1 - tiles->y0, 1 << bits));
-    for (int height = 0; height <= tiles->top && good; height++) {
-        if (height <= merge)
-            good = measure_height(tiles, height, delta, threads);
-        else
-            join_height(tiles, height);
-    }
+    good = good && measure(tiles, delta, threads);
+    for (int height = merge + 1; height <= tiles->top && good; height++) join_height(tiles, height);
     if (!good) geomipmap_tiles_finish(tiles);
     return good;
 }

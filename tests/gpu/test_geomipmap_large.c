@@ -96,13 +96,13 @@ static void look(struct flight *f, struct renderer *renderer, const struct terra
 static void large_map_flies_within_its_bytes(void **state)
 {
     (void)state;
-    int levels = test_size(0, 3), side = CELLS << levels, frames = test_size(24, 96);
+    int levels = test_size(1, 3), side = CELLS << levels, frames = test_size(24, 96);
     char path[1024], settings[96];
     if (!test_data("puget_1k_160m.png", path)) return;
     assert_int_equal(folder_create(NULL), 0);
     pack(path, levels);
-    // The ceiling of decoded samples: half a byte for each sample of the map.
-    struct terrain_options options = {.cache_bytes = (uint64_t)side * (uint64_t)side / 2};
+    // The ceiling of decoded samples: three quarters of a byte for each sample of the map.
+    struct terrain_options options = {.cache_bytes = (uint64_t)side * (uint64_t)side * 3 / 4};
     struct terrain *terrain = terrain_load(in_folder("large.relief"), &options);
     assert_non_null(terrain);
     struct scene_colour colour = paint(side);
@@ -114,7 +114,7 @@ static void large_map_flies_within_its_bytes(void **state)
     f.colours = malloc(PIXELS * 4);
     f.places = malloc(PIXELS * 4 * sizeof *f.places);
     double ceiling_kib = floor((double)side * side * 4 / 8 / 1024), textures = 0, bytes = 0, late = 0;
-    snprintf(settings, sizeof settings, "tau=1 blend=replace textures=%.0f", ceiling_kib);
+    snprintf(settings, sizeof settings, "tau=%d blend=replace textures=%.0f", test_size(2, 1), ceiling_kib);
     struct renderer_desc desc = {
         .gpu = f.gpu, .terrain = terrain, .effects = &effects, .width = WIDTH, .height = HEIGHT};
     double start = now_s();
@@ -133,11 +133,12 @@ static void large_map_flies_within_its_bytes(void **state)
         late += counter(renderer, "late") > 0;
         if (frame % test_size(3, 2) == 0) look(&f, renderer, terrain, &view);
     }
-    FIGURE("%d x %d samples: at most %.3f bytes a sample; textures at most %.0f KiB of %.0f; %llu of %llu "
+    FIGURE("%d x %d samples: at most %.3f bytes a sample, %.3f of them tiles; textures at most %.0f KiB of "
+           "%.0f; %llu of %llu "
            "pixels "
            "untextured; tiles late in %.0f of %d frames; made ready in %.1f s",
-           side + 1, side + 1, bytes, textures / 1024, ceiling_kib, (unsigned long long)f.wrong,
-           (unsigned long long)f.ground, late, frames, made_s);
+           side + 1, side + 1, bytes, counter(renderer, "tile_bytes_a_sample"), textures / 1024, ceiling_kib,
+           (unsigned long long)f.wrong, (unsigned long long)f.ground, late, frames, made_s);
     assert_true(bytes < 2.5);
     assert_true(textures <= ceiling_kib * 1024);
     assert_true(f.ground > 0);
