@@ -93,7 +93,7 @@ struct clipmap_view { // the levels about one viewer, and what was selected for 
     int levels_behind;        // that do not hold what the viewer wants
     int levels_read;          // by the last update
     double spacing_px;        // of its view, clipmap_spacing_px
-    bool below_ground;        // the viewer is
+    bool below_ground;        // or below what is drawn there, the viewer is
 };
 
 enum { // programs of a pass, by bits: for split cells, and for what lies inside the map's outline
@@ -116,10 +116,14 @@ struct clipmap {
     struct clipmap_shape shape;
     struct clipmap_choice choice;
     enum renderer_faces faces;
-    bool rebuild;    // every level is read whole each frame
-    bool fitted;     // regions are fitted to the frustum
-    uint64_t budget; // samples a frame and view
-    int frame;       // the one begun last
+    bool rebuild;                  // every level is read whole each frame
+    bool fitted;                   // regions are fitted to the frustum
+    uint64_t budget;               // samples a frame and view
+    int frame;                     // the one begun last
+    struct terrain_reader *reader; // of terrain that is read on demand; NULL: all is there
+    bool realtime;
+    bool wait;      // in this frame what is read is waited for
+    bool new_frame; // no view of it has been updated
     bool own_shading;
     struct clipmap_shading_rules shading_rules;
     struct clipmap_mesh mesh;
@@ -164,6 +168,10 @@ static bool create_view(struct clipmap *c, struct clipmap_view *view)
         if (!clipmap_store_init(&view->stores[k], c->terrain, finest + k, k < c->shape.levels - 1,
                                 c->shape.size))
             return false;
+    for (int k = 0; k < c->shape.levels; k++) {
+        view->stores[k].reader = c->reader;
+        view->stores[k].shaded = c->own_shading;
+    }
     if (!clipmap_selection_init(&view->selection, &c->shape)) return false;
     if (c->own_shading && !clipmap_shading_init(&view->shading, c->gpu, c->terrain, &c->shading_rules,
                                                 c->shape.levels, c->shape.size))
@@ -228,6 +236,7 @@ static void refill_level(struct clipmap *c, struct clipmap_view *own, int k,
     struct clipmap_store *store = &own->stores[k];
     bool limited = k + 1 < c->shape.levels && own->samples_left < UINT64_MAX;
     if (c->rebuild) store->clip = clipmap_empty;
+    store->wait = c->wait || c->rebuild || k + 1 == c->shape.levels;
     struct clipmap_box target =
         clipmap_target(&c->shape, k, &store->clip, &own->stores[k + 1].clip, desired, heading);
     struct layer layer = {c->gpu, k};
@@ -247,7 +256,6 @@ static void update_view(struct clipmap *c, struct clipmap_view *own, const struc
     int finest = terrain_info(c->terrain)->finest, heading[2];
     const struct clipmap_fit *fits = c->fitted ? own->fits : NULL;
     turn(own, view, heading);
-    own->below_ground = height_m < 0;
     for (int k = 0; k < c->shape.levels; k++) own->eyes[k] = view_level_origin(view, finest + k);
     if (c->fitted) clipmap_fit(&c->shape, c->terrain, view, own->eyes, own->fits);
     own->spacing_px =
@@ -264,6 +272,8 @@ static void update_view(struct clipmap *c, struct clipmap_view *own, const struc
     for (int k = c->shape.levels - 1; c->own_shading && k >= 0; k--)
         clipmap_shading_update(&own->shading, k, &clips[k], c->rebuild);
     clipmap_regions(&c->shape, own->eyes, height_m, fits, clips, own->regions);
+    own->below_ground = height_m < 0 || !clipmap_eye_above(&c->shape, own->regions, own->stores, &c->scratch,
+                                                           own->eyes, view);
     clipmap_select(&own->selection, &c->shape, &c->choice, &c->mesh, own->regions, own->stores, own->eyes,
                    view);
     glBindBuffer(GL_ARRAY_BUFFER, own->corners);
@@ -273,8 +283,8 @@ static void update_view(struct clipmap *c, struct clipmap_view *own, const struc
 }
 
 // A frame's budget is spent once, however often its number comes.  The first frame of a flight, which a
-// smaller number than the last begins, reads everything anew: what a budget draws depends on the views of
-// this flight alone.
+// smaller number than the last begins, reads everything anew: what a budget or late data draw depends on the
+// views of this flight alone.
 static void begin_frame(struct renderer *renderer, int frame)
 {
     struct clipmap *c = (struct clipmap *)renderer;
@@ -282,21 +292,42 @@ static void begin_frame(struct renderer *renderer, int frame)
         clipmap_sphere_begin_frame(c->sphere, frame);
         return;
     }
-    bool first = c->frame < 0 || frame < c->frame;
+    bool first = c->frame < 0 || frame < c->frame, another = frame != c->frame;
     c->view_count = 0;
     for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {
         struct clipmap_view *view = &c->views[i];
-        if (frame != c->frame) view->samples_left = first ? UINT64_MAX : c->budget;
-        for (int k = 0; first && c->budget < UINT64_MAX && k < c->shape.levels; k++)
+        if (another) view->samples_left = first ? UINT64_MAX : c->budget;
+        for (int k = 0; first && (c->budget < UINT64_MAX || c->reader) && k < c->shape.levels; k++)
             view->stores[k].clip = clipmap_empty;
     }
+    if (another) c->wait = first;
+    c->new_frame = another;
     c->frame = frame;
+}
+
+// A flight has a reader of its own.  The first frame waits for what it reads.
+static bool begin_reading(struct clipmap *c, const struct view *view)
+{
+    double place[3];
+    if (terrain_extrema(c->terrain) || !c->new_frame) return true; // all is in memory
+    if (c->wait) {
+        terrain_reader_destroy(c->reader);
+        c->reader = terrain_reader_create(c->terrain, c->realtime);
+        for (int i = 0; i < RENDERER_MAX_VIEWS * CLIPMAP_MAX_LEVELS; i++)
+            c->views[i / CLIPMAP_MAX_LEVELS].stores[i % CLIPMAP_MAX_LEVELS].reader = c->reader;
+        if (!c->reader) return false;
+    }
+    terrain_place_from_world(c->terrain, view->eye_m, place);
+    terrain_reader_begin_frame(c->reader, c->frame, place);
+    c->new_frame = false;
+    return true;
 }
 
 static bool update(struct renderer *renderer, const struct view *views, int count)
 {
     struct clipmap *c = (struct clipmap *)renderer;
     if (c->sphere) return clipmap_sphere_update(c->sphere, views, count);
+    if (!begin_reading(c, &views[0])) return false;
     for (int i = 0; i < count; i++) {
         if (!c->views[i].heights && !create_view(c, &c->views[i])) return false;
         update_view(c, &c->views[i], &views[i]);
@@ -422,6 +453,10 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
                      {"culled", view->selection.culled},
                      {"spacing_px", view->spacing_px}},
     };
+    if (!c->reader) return;
+    struct terrain_reader_counters reads = terrain_reader_counters(c->reader);
+    stats->counters[7] = (struct renderer_counter){"windows_missed", (double)reads.missed};
+    stats->counters[8] = (struct renderer_counter){"blocks_arrived", (double)reads.arrived};
 }
 
 // ---- creation --------------------------------------------------------------
@@ -511,6 +546,7 @@ static void destroy(struct renderer *renderer)
             gpu_program_finish(&c->programs[pass][kind].program);
     for (int i = 0; i < RENDERER_MAX_VIEWS; i++) destroy_view(&c->views[i]);
     if (c->indices) glDeleteBuffers(1, &c->indices);
+    terrain_reader_destroy(c->reader);
     clipmap_mesh_finish(&c->mesh);
     clipmap_scratch_finish(&c->scratch);
     free(c);
@@ -535,6 +571,7 @@ static bool init(struct clipmap *c, const struct renderer_desc *desc)
     c->gpu = desc->gpu;
     c->terrain = desc->terrain;
     c->frame = -1;
+    c->realtime = desc->realtime;
     c->own_shading = desc->effects->shading == SCENE_SHADING_OWN;
     c->shading_rules =
         (struct clipmap_shading_rules){(enum clipmap_lod)desc->knobs[KNOB_NORMALS],

@@ -175,6 +175,18 @@ void clipmap_normals_compute(const struct terrain *terrain, int level, const str
     }
 }
 
+int clipmap_normals_window(const struct terrain *terrain, int level, const struct clipmap_box *samples,
+                           struct clipmap_box *window)
+{
+    bool finer = level > terrain_info(terrain)->finest;
+    for (int axis = 0; axis < 2;
+         axis++) { // texels 2 lo .. 2 hi + 1 and their neighbours; U reaches two samples
+        window->lo[axis] = finer ? 2 * samples->lo[axis] - 1 : samples->lo[axis] - 2;
+        window->hi[axis] = finer ? 2 * samples->hi[axis] + 2 : samples->hi[axis] + 3;
+    }
+    return finer ? level - 1 : level;
+}
+
 // ---- the toroidal store ----------------------------------------------------
 
 bool clipmap_normals_scratch_init(struct clipmap_normals_scratch *scratch, int size)

@@ -44,6 +44,10 @@ void clipmap_normals_scratch_finish(struct clipmap_normals_scratch *scratch);
 void clipmap_normals_compute(const struct terrain *terrain, int level, const struct clipmap_box *texels,
                              const struct clipmap_normals_scratch *scratch);
 
+// Which level's samples, and which of them, the normals of a box of samples of `level` are made of.
+int clipmap_normals_window(const struct terrain *terrain, int level, const struct clipmap_box *samples,
+                           struct clipmap_box *window);
+
 // Takes a rectangle of slots, row by row northwards.
 typedef void clipmap_normals_write_fn(void *user, int slot_x, int slot_y, int width, int height,
                                       const int16_t (*texels)[2]);

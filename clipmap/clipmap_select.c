@@ -182,6 +182,30 @@ static void add_strips(struct culler *culler, const struct clipmap_region *regio
     }
 }
 
+bool clipmap_eye_above(const struct clipmap_shape *shape, const struct clipmap_region *regions,
+                       const struct clipmap_store *stores, const struct clipmap_scratch *scratch,
+                       const struct view_origin *eyes, const struct view *view)
+{
+    int32_t eye_base;
+    float eye_fraction, z[4];
+    view_eye_quanta(view, &eye_base, &eye_fraction);
+    for (int k = 0; k < shape->levels; k++) {
+        const int64_t *base = eyes[k].base;
+        const struct clipmap_box cell = {{base[0], base[1]}, {base[0] + 1, base[1] + 1}};
+        if (clipmap_box_is_empty(&regions[k].active) || !clipmap_box_holds(&regions[k].active, &cell))
+            continue;
+        clipmap_store_read(&stores[k], &cell, scratch);
+        for (int i = 0; i < 4; i++)
+            z[i] = clipmap_morphed(scratch->pairs[i][0], scratch->pairs[i][1],
+                                   clipmap_alpha_at(&regions[k], shape->rules.alpha, i & 1, i >> 1));
+        float x = eyes[k].fraction[0], y = eyes[k].fraction[1];
+        float drawn = x >= y ? z[0] + x * (z[1] - z[0]) + y * (z[3] - z[1])
+                             : z[0] + y * (z[2] - z[0]) + x * (z[3] - z[2]);
+        return (double)eye_base + (double)eye_fraction > (double)drawn;
+    }
+    return true;
+}
+
 static void clear(struct clipmap_selection *selection)
 {
     selection->corner_count = selection->draw_count = selection->stitch_draws = selection->piece_count = 0;

@@ -41,6 +41,12 @@ struct clipmap_selection {
     int piece_count;
 };
 
+// Whether the eye is above the surface that is drawn where it stands: of the finest level there, morphed,
+// which may be above the ground and the eye.  Off the map: nothing is drawn there, true.
+bool clipmap_eye_above(const struct clipmap_shape *shape, const struct clipmap_region *regions,
+                       const struct clipmap_store *stores, const struct clipmap_scratch *scratch,
+                       const struct view_origin *eyes, const struct view *view);
+
 bool clipmap_selection_init(struct clipmap_selection *selection, const struct clipmap_shape *shape);
 void clipmap_selection_finish(struct clipmap_selection *selection);
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "clipmap/clipmap_store.h"
 
+#include "clipmap/clipmap_normals.h"
 #include "common/report.h"
 
 #include <stdlib.h>
@@ -160,10 +161,64 @@ void clipmap_store_bound(struct clipmap_store *store, const struct clipmap_box *
             bound_tile(store, x, y);
 }
 
+// ---- what is there ---------------------------------------------------------
+
+static bool window_there(const struct clipmap_store *store, int level, const struct clipmap_box *box)
+{
+    return terrain_reader_window(store->reader, level, box->lo[0], box->lo[1],
+                                 (int)(box->hi[0] - box->lo[0] + 1), (int)(box->hi[1] - box->lo[1] + 1),
+                                 NULL);
+}
+
+// Asks for all that a box is made of, the coarser level first: finer ones are decoded from it.
+static bool box_there(const struct clipmap_store *store, const struct clipmap_box *box)
+{
+    struct clipmap_box under = clipmap_under(box), normals;
+    bool there = !store->morphs || window_there(store, store->level + 1, &under);
+    there = window_there(store, store->level, box) && there;
+    if (!store->shaded) return there;
+    int finer = clipmap_normals_window(store->terrain, store->level, box, &normals);
+    return window_there(store, finer, &normals) && there;
+}
+
+static bool reach_there(const struct clipmap_store *store, const struct clipmap_box *kept,
+                        const struct clipmap_box *now)
+{
+    struct clipmap_box exposed[4];
+    int count = clipmap_exposed(kept, now, exposed);
+    bool there = true;
+    for (int i = 0; i < count; i++) there = box_there(store, &exposed[i]) && there;
+    return there;
+}
+
+// Of a budget, what is there: tried in steps outwards, and so asked for from near to far.
+static uint64_t budget_there(const struct clipmap_store *store, const struct clipmap_box *kept,
+                             const struct clipmap_box *target, uint64_t budget)
+{
+    enum { STEPS = 8 };
+    uint64_t whole = clipmap_box_samples(target) - clipmap_box_samples(kept), there = 0;
+    struct clipmap_box before = *kept;
+    bool all = true;
+    for (int step = 1; step <= STEPS; step++) {
+        uint64_t part = whole * (uint64_t)(step * step) / (STEPS * STEPS);
+        if (part > budget) part = budget;
+        struct clipmap_box now = clipmap_grown(kept, target, part);
+        if (clipmap_box_equal(&now, &before)) continue;
+        all = reach_there(store, kept, &now) && all;
+        if (all) there = part;
+        before = now;
+    }
+    return there;
+}
+
+// ---- moves -----------------------------------------------------------------
+
 uint64_t clipmap_store_move(struct clipmap_store *store, const struct clipmap_box *target, uint64_t budget,
                             const struct clipmap_scratch *scratch, clipmap_write_fn *write, void *user)
 {
     struct clipmap_box kept = clipmap_box_common(&store->clip, target), exposed[4], pieces[4];
+    uint64_t there = store->reader ? budget_there(store, &kept, target, budget) : budget;
+    if (!store->wait) budget = there;
     struct clipmap_box now = clipmap_grown(&kept, target, budget);
     int exposed_count = clipmap_exposed(&kept, &now, exposed);
     uint64_t samples = 0;

@@ -5,12 +5,15 @@
 // A sample is the pair (z, z_c) in quanta: z the height in this level, z_c the height of the next coarser
 // level's *surface* at the same place: a sample of it, the mean of two, or, in the middle of a cell, the mean
 // of the two on the diagonal that is drawn, (i, j)-(i+1, j+1) (numerics.md, B4).  Levels are filtered, so z_c
-// differs from z at shared places too.  Both are exact in float32. SPDX-License-Identifier: MIT
+// differs from z at shared places too.  Both are exact in float32.
+//
+// With a reader (common/terrain/reader.h) nothing is waited for: a move goes as far as what it would read is
+// there, and asks for the rest.  SPDX-License-Identifier: MIT
 #ifndef CLIPMAP_CLIPMAP_STORE_H
 #define CLIPMAP_CLIPMAP_STORE_H
 
 #include "clipmap/clipmap_levels.h"
-#include "common/terrain/terrain.h"
+#include "common/terrain/reader.h"
 
 struct clipmap_range { // of heights, quanta
     int32_t low, high;
@@ -18,6 +21,9 @@ struct clipmap_range { // of heights, quanta
 
 struct clipmap_store {
     const struct terrain *terrain; // borrowed
+    struct terrain_reader *reader; // borrowed; NULL: all is there
+    bool wait;                     // with a reader: it is asked, but what is read is waited for
+    bool shaded;                   // with a reader: what the level's normals are made of has to be there, too
     int level;                     // of the terrain
     bool morphs;                   // false: the coarsest, z_c is z
     int size;                      // slots on a side
@@ -45,7 +51,8 @@ typedef void clipmap_write_fn(void *user, int slot_x, int slot_y, int width, int
                               const float (*pairs)[2]);
 
 // Forgets what is outside of `target`, no larger than size x size, and reads what is missing of it, each
-// sample once and no more than `budget`: the clip region stays a rectangle.  Returns how many it read.
+// sample once and no more than `budget` or than is there: the clip region stays a rectangle.  Returns how
+// many it read.
 uint64_t clipmap_store_move(struct clipmap_store *store, const struct clipmap_box *target, uint64_t budget,
                             const struct clipmap_scratch *scratch, clipmap_write_fn *write, void *user);
 

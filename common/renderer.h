@@ -27,13 +27,13 @@ struct renderer_knob {
 // rasteriser culls by its snapped corners, as it fills, so a closed surface seen from above leaves no pixel
 // undrawn without its back faces; but a triangle that is clipped gets new corners, rounded otherwise than its
 // neighbours', and where it is nearly edge-on a pixel can drop out.  SAFE therefore culls what lies wholly
-// inside the frustum (frustum_test_box: FRUSTUM_INSIDE), as long as the eye is above ground, and nothing
-// else.
+// inside the frustum (frustum_test_box: FRUSTUM_INSIDE), and that only while the eye is above the surface
+// that is drawn at its place, which may be a coarse one.
 enum renderer_faces { RENDERER_FACES_BOTH, RENDERER_FACES_SAFE, RENDERER_FACES_FRONT };
 #define RENDERER_FACES_CHOICES "both|safe|front"
 #define RENDERER_FACES_HELP                                                                                  \
-    "triangles drawn: both sides of the surface, only those that face the eye where none is clipped, or "    \
-    "nowhere others (may drop a pixel)"
+    "triangles drawn: both sides of the surface, or only those that face the eye, where none is clipped or " \
+    "everywhere (which may drop a pixel)"
 
 struct renderer_desc {
     struct gpu *gpu;                     // borrowed until destroy
