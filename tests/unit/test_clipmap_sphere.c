@@ -1,0 +1,421 @@
+// Rings and levels over a sphere: numerics.md, D1 to D7 and SC1 to SC11, without GL.
+// SPDX-License-Identifier: MIT
+#include "clipmap/sphere_levels.h"
+#include "clipmap/sphere_rings.h"
+#include "tests/test.h"
+
+#include <string.h>
+
+static const double RADIUS = 6371000, DEGREE = M_PI / 180;
+
+static struct terrain *planet(int columns, int finer)
+{
+    int rows = columns / 2 + 1;
+    int32_t *samples = malloc((size_t)columns * (size_t)rows * sizeof *samples);
+    for (int k = 0; k < columns * rows; k++) {
+        double longitude = 2 * M_PI * (k % columns) / columns,
+               latitude = M_PI * (k / columns) / (rows - 1) - M_PI / 2;
+        double x = cos(latitude) * cos(longitude), y = cos(latitude) * sin(longitude), z = sin(latitude);
+        samples[k] =
+            (int32_t)lrint(3000 * sin(7 * x + 2 * y) * cos(5 * z - y) + 500 * sin(15 * x * y + 15 * z));
+    }
+    struct terrain_grid grid = {.name = "planet",
+                                .samples = samples,
+                                .width = columns,
+                                .height = rows,
+                                .first = {-columns / 2, 0},
+                                .spacing_m = {1, 1},
+                                .quantum_m = 1};
+    struct terrain_options options = {.radius_m = RADIUS, .synthesize_levels = finer, .seed = 1};
+    struct terrain *terrain = terrain_from_grid(&grid, &options);
+    free(samples);
+    assert_non_null(terrain);
+    return terrain;
+}
+
+static struct view view_at(const struct terrain *terrain, double longitude, double latitude, double height_m)
+{
+    struct camera camera = {{longitude * RADIUS, latitude * RADIUS, height_m}, 0.3, -0.2, 0, 60 * DEGREE};
+    struct view view;
+    view_init(&view, terrain, &camera, 640, 480, 1);
+    return view;
+}
+
+// ---- D1: where a vertex is ---------------------------------------------------
+
+// Height of a vertex relative to the eye, as the vertex program finds it, against the plain difference of
+// distances from the centre.
+static void positions_keep_their_height(void **state)
+{
+    (void)state;
+    uint64_t seed = 1;
+    double worst_stable = 0, least_naive = HUGE_VAL;
+    for (double reach_m = 1; reach_m <= 1e5; reach_m *= 10) {
+        double worst_naive = 0;
+        for (int k = 0; k < test_size(20000, 200000); k++) {
+            double t = reach_m * test_uniform(&seed, 0.5, 1) / RADIUS, z = test_uniform(&seed, 0, 8000),
+                   eye = z + 1.7, half = sin(t / 2);
+            float c = (float)(2 * half * half), dz = (float)(z - eye), distance = (float)(RADIUS + eye) + dz;
+            float stable = dz - distance * c;
+            float naive = ((float)RADIUS + (float)z) * cosf((float)t) - ((float)RADIUS + (float)eye);
+            double exact = (z - eye) - (RADIUS + z) * 2 * half * half;
+            worst_stable = fmax(worst_stable, fabs((double)stable - exact));
+            worst_naive = fmax(worst_naive, fabs((double)naive - exact));
+        }
+        least_naive = fmin(least_naive, worst_naive);
+    }
+    FIGURE("D1: height off by at most %.1e m within 100 km (plain form: at least %.2f m at every reach)",
+           worst_stable, least_naive);
+    assert_true(worst_stable <= 8.2e-4);
+    assert_true(least_naive > 0.25); // half a step of float32 at the radius
+}
+
+// ---- D2: where a vertex samples ----------------------------------------------
+
+// The same angles in long double, from exact rings.
+static void exact_angles(double latitude, double angle, double azimuth, double exact[2])
+{
+    long double s = sinl(angle), half = sinl((long double)angle / 2), c = 2 * half * half;
+    long double px = -s * sinl(azimuth), py = s * cosl(azimuth), sine = cosl(latitude),
+                cosine = sinl(latitude);
+    long double x = cosine * px + sine * (1 - c), a = sine * px + cosine * c, across = hypotl(x, py);
+    exact[0] = (double)atan2l(py, x);
+    exact[1] = (double)(-2 * atan2l(a, sine + across));
+}
+
+// Worst error on a ring, metres on the ground.
+static double ring_error_m(enum sphere_form form, double latitude, double reach_m)
+{
+    double worst = 0, angle = reach_m / RADIUS;
+    for (int k = 0; k < 720; k++) {
+        double azimuth = (k + 0.5) * M_PI / 360, half = sin(angle / 2), exact[2];
+        float v[3] = {(float)(cos(azimuth) * sin(angle)), (float)(sin(azimuth) * sin(angle)),
+                      (float)(2 * half * half)},
+              found[2];
+        exact_angles(latitude, angle, azimuth, exact);
+        sphere_angles(form, latitude, v, found);
+        double east = remainder((double)found[0] - exact[0], 2 * M_PI) * cos(latitude + exact[1]),
+               north = (double)found[1] - exact[1];
+        worst = fmax(worst, RADIUS * hypot(east, north));
+    }
+    return worst;
+}
+
+static void stable_angles_are_right_at_all_latitudes(void **state)
+{
+    (void)state;
+    static const double POLAR[] = {M_PI / 2, M_PI / 4, M_PI / 48, 1e-3, 1e-5, 1e-7, 0, M_PI - 1e-3, M_PI};
+    double worst = 0;
+    for (size_t k = 0; k < sizeof POLAR / sizeof *POLAR; k++)
+        for (double reach_m = 1; reach_m <= 1e6; reach_m *= 10) {
+            double error = ring_error_m(SPHERE_STABLE, M_PI / 2 - POLAR[k], reach_m);
+            worst = fmax(worst, error / reach_m);
+            assert_true(error <= 3e-7 * reach_m);
+        }
+    FIGURE("D2: stable angles off by at most %.1e of the distance", worst);
+    // Power: acos in float, its signs corrected, errs as the file says, and the printed forms far more.
+    double corrected = ring_error_m(SPHERE_CORRECTED, M_PI / 2 - M_PI / 48, 1),
+           pole = ring_error_m(SPHERE_CORRECTED, M_PI / 2, 100);
+    double printed = ring_error_m(SPHERE_PUBLISHED, 0, 1e5),
+           inner = ring_error_m(SPHERE_PUBLISHED, M_PI / 4, 100);
+    FIGURE("D2: acos in float: %.1f m off on a ring of 1 m at pi/48, %.0f m on one of 100 m at the pole; as "
+           "printed: %.0f km on 100 "
+           "km, %.0f m on 100 m (Equation 14)",
+           corrected, pole, printed / 1000, inner);
+    assert_true(corrected > 1 && pole > 50);
+    assert_true(printed > 1e4);                 // SC1
+    assert_true(fabs(inner - 200) < 0.1 * 200); // SC2: twice the distance
+}
+
+// ---- D3: texels along a ring of a metre ----------------------------------------
+
+static void texels_are_monotone_on_a_small_ring(void **state)
+{
+    (void)state;
+    struct terrain *terrain = planet(512, 14);
+    struct sphere_shape shape;
+    sphere_shape_init(&shape, terrain, 512);
+    double place[2] = {M_PI * 0.9999 * RADIUS, 0.2 * RADIUS};
+    struct sphere_window window = sphere_window_wanted(&shape, shape.finest, place);
+    int64_t texel[2];
+    float fraction[2], last = -HUGE_VALF, absolute_last = -HUGE_VALF;
+    sphere_window_origin(&shape, shape.finest, &window, place, texel, fraction);
+    float scale = (float)(RADIUS / ldexp(shape.spacing_m[0], shape.finest + window.decimation));
+    int falls = 0, stays = 0, steps = 400;
+    for (int k = 0; k <= steps; k++) { // the southern half, west to east
+        double azimuth = M_PI + M_PI * k / steps, angle = 1 / RADIUS, half = sin(angle / 2);
+        float v[3] = {(float)(cos(azimuth) * sin(angle)), (float)(sin(azimuth) * sin(angle)),
+                      (float)(2 * half * half)},
+              found[2];
+        sphere_angles(SPHERE_STABLE, place[1] / RADIUS, v, found);
+        float x = found[0] * scale + fraction[0], absolute = found[0] + (float)(place[0] / RADIUS);
+        falls += x < last;
+        stays += absolute == absolute_last;
+        last = x, absolute_last = absolute;
+    }
+    FIGURE("D3: %d texel coordinates fall along a ring of 1 m; of absolute longitudes in float %d of %d stay "
+           "where they were",
+           falls, stays, steps);
+    assert_int_equal(falls, 0);
+    assert_true(stays > steps / 2);
+    terrain_destroy(terrain);
+}
+
+// ---- D5: the azimuth over a pole -----------------------------------------------
+
+static double pattern_step(const struct view *a, double turn_a, const struct view *b, double turn_b)
+{
+    double sum = 0;
+    for (int k = 0; k < 3; k++) {
+        double one = cos(turn_a) * a->axes[0][k] + sin(turn_a) * a->axes[1][k];
+        double other = cos(turn_b) * b->axes[0][k] + sin(turn_b) * b->axes[1][k];
+        sum += (one - other) * (one - other);
+    }
+    return sqrt(sum);
+}
+
+static void the_pattern_is_carried_over_a_pole(void **state)
+{
+    (void)state;
+    struct terrain *terrain = planet(128, 0);
+    for (int pole = -1; pole <= 1; pole += 2) {
+        struct view last = view_at(terrain, 0.7, pole * (M_PI / 2 - 50.5 / RADIUS), 100);
+        double turn = 0.1, worst = 0, fixed = 0;
+        for (int step = 1; step <= 100; step++) { // 1 m a step
+            double over = 50.5 - step, longitude = over > 0 ? 0.7 : 0.7 + M_PI;
+            struct view now = view_at(terrain, longitude, pole * (M_PI / 2 - fabs(over) / RADIUS), 100);
+            double next = sphere_transport(&last, turn, &now);
+            worst = fmax(worst, pattern_step(&last, turn, &now, next));
+            fixed = fmax(fixed, pattern_step(&last, 0, &now, 0));
+            turn = next;
+            last = now;
+        }
+        FIGURE("D5: over the pole in steps of 1 m the pattern turns by at most %.1e (without transport %.1f)",
+               worst, fixed);
+        assert_true(worst < 2 * 1 / RADIUS); // twice a step's own angle
+        assert_true(fixed > 1.9);
+    }
+    terrain_destroy(terrain);
+}
+
+// ---- D6: windows hold what rings sample ----------------------------------------
+
+static void check_windows(const struct terrain *terrain, const struct sphere_shape *shape, double longitude,
+                          double latitude)
+{
+    struct sphere_rings rings = sphere_rings_make(shape->azimuths / 2 - 1);
+    double place[2] = {longitude * shape->radius_m, latitude * shape->radius_m};
+    (void)terrain;
+    for (int level = shape->finest; level <= shape->coarsest; level++) {
+        struct sphere_window w = sphere_window_wanted(shape, level, place);
+        assert_true(w.box.hi[0] - w.box.lo[0] < shape->size && w.box.hi[1] - w.box.lo[1] < shape->size);
+        int64_t texel[2];
+        float fraction[2];
+        sphere_window_origin(shape, level, &w, place, texel, fraction);
+        for (int ring = 0; ring < rings.count; ring += 3) {
+            double at = sphere_level_at(shape, sphere_ring_angle(&rings, ring));
+            bool sampled = at <= level + 1 && (at > level - 0.5 || level == shape->finest);
+            if (level == shape->coarsest) sampled = at > level - 0.5;
+            if (!sampled) continue;
+            for (int azimuth = 0; azimuth < rings.azimuths; azimuth += 7) {
+                float v[4], angles[2];
+                sphere_ring_vertex(&rings, ring, azimuth, v);
+                sphere_angles(SPHERE_STABLE, latitude, v, angles);
+                for (int axis = 0; axis < 2; axis++) {
+                    double scale =
+                        shape->radius_m / ldexp(shape->spacing_m[axis], level + (axis ? 0 : w.decimation));
+                    int64_t low =
+                        texel[axis] + (int64_t)floor((double)angles[axis] * scale + (double)fraction[axis]);
+                    if (axis == 0 && w.around) continue; // the whole turn
+                    assert_true(low >= w.box.lo[axis] && low + 1 <= w.box.hi[axis]);
+                }
+            }
+        }
+    }
+}
+
+static void windows_hold_what_rings_sample(void **state)
+{
+    (void)state;
+    static const int COLUMNS[] = {512, 4320 / 4};
+    for (int c = 0; c < 2; c++) {
+        struct terrain *terrain = planet(COLUMNS[c], 10);
+        struct sphere_shape shape;
+        int azimuths = c ? 128 : 256;
+        sphere_shape_init(&shape, terrain, azimuths);
+        uint64_t seed = 5;
+        for (int k = 0; k < test_size(6, 300); k++)
+            check_windows(terrain, &shape, test_uniform(&seed, -4, 4), asin(test_uniform(&seed, -1, 1)));
+        for (int level = shape.finest; level < shape.coarsest;
+             level += test_size(4, 1)) { // a ring that just reaches the pole
+            double angle = 2 * azimuths * ldexp(shape.spacing_m[1], level) / (SPHERE_TEXEL_SHARE * RADIUS);
+            if (angle >= M_PI / 2) break;
+            for (int side = -1; side <= 1; side++) {
+                check_windows(terrain, &shape, 1, M_PI / 2 - angle * (1 + side * 1e-6));
+                check_windows(terrain, &shape, 2, -(M_PI / 2 - angle * (1 + side * 1e-6)));
+            }
+        }
+        check_windows(terrain, &shape, 0, M_PI / 2);
+        check_windows(terrain, &shape, M_PI, -M_PI / 2);
+        terrain_destroy(terrain);
+    }
+}
+
+// ---- D7: the horizon -------------------------------------------------------------
+
+static void horizons_are_exact(void **state)
+{
+    (void)state;
+    double worst = 0, worst_acos = 0;
+    for (double h = 1e-3; h <= 1e8; h *= 1.7) {
+        long double exact = acosl((long double)RADIUS / ((long double)RADIUS + h));
+        worst = fmax(worst, fabs(sphere_horizon(h, RADIUS) / (double)exact - 1));
+        float r = (float)RADIUS;
+        worst_acos = fmax(worst_acos, fabs((double)acosf(r / (r + (float)h)) / (double)exact - 1));
+    }
+    FIGURE("D7: horizon off by at most %.1e (acos in float: %.2f)", worst, worst_acos);
+    assert_true(worst < 3e-7 && worst_acos > 0.02);
+    assert_true(sphere_horizon(0, RADIUS) == 0 && sphere_horizon(-430, RADIUS) == 0);
+    // SC11: a peak is seen beyond the horizon of its foot.
+    double two = RADIUS * sphere_horizon(2, RADIUS),
+           peak = RADIUS * (sphere_horizon(2, RADIUS) + sphere_horizon(4000, RADIUS));
+    assert_true(fabs(two - 5050) < 5 && fabs(peak - 230800) < 100);
+    // An eye below the datum, in the Dead Sea, sees rings all the same.
+    struct terrain *terrain = planet(128, 0);
+    struct sphere_rings rings = sphere_rings_make(127);
+    struct view view = view_at(terrain, 0.5, 0.5, -430);
+    struct sphere_ring_range range = sphere_ring_visible(&rings, terrain, &view, 1.7);
+    assert_true(range.outer >= 0 && range.outer < range.inner && range.inner < rings.count);
+    terrain_destroy(terrain);
+}
+
+// SC8, SC9: the innermost ring's triangles are a pixel wide straight below.
+static void rings_end_at_a_pixel(void **state)
+{
+    (void)state;
+    struct terrain *terrain = planet(128, 0);
+    const struct terrain_info *info = terrain_info(terrain);
+    struct sphere_rings rings = sphere_rings_make(255);
+    double radius_m = info->radius_m + info->offset_m + info->quantum_m * info->min_q;
+    for (double above_m = 10; above_m < 2e7; above_m *= 3) {
+        struct view view = view_at(terrain, 0.1, 0.2, 9000 + above_m);
+        struct sphere_ring_range range = sphere_ring_visible(&rings, terrain, &view, above_m);
+        double side_m = sphere_ring_angle(&rings, range.inner) * 2 * M_PI / rings.azimuths * radius_m;
+        double pixels = side_m * view.pixels_per_tangent / above_m;
+        if (sphere_ring_angle(&rings, range.inner) < 0.49)
+            assert_true(pixels >= 1 && pixels < exp2(1.0 / rings.an_octave) * 1.001);
+    }
+    terrain_destroy(terrain);
+}
+
+// ---- blocks ------------------------------------------------------------------------
+
+static void boxes_hold_their_blocks(void **state)
+{
+    (void)state;
+    struct terrain *terrain = planet(128, 0);
+    struct sphere_rings rings = sphere_rings_make(127);
+    uint64_t seed = 8;
+    for (int k = 0; k < test_size(3000, 100000); k++) {
+        struct view view = view_at(terrain, test_uniform(&seed, -3, 3), test_uniform(&seed, -1.5, 1.5),
+                                   exp(test_uniform(&seed, 1, 16)));
+        int ring[2] = {(int)(test_random(&seed) % (uint64_t)(rings.count - 1)), 0},
+            azimuth[2] = {(int)(test_random(&seed) % 256), 0};
+        ring[1] = ring[0] + 1 + (int)(test_random(&seed) % 24);
+        if (ring[1] > rings.count - 1) ring[1] = rings.count - 1;
+        azimuth[1] = azimuth[0] + 1 + (int)(test_random(&seed) % 64);
+        double turn = test_uniform(&seed, -4, 4), low[3], high[3];
+        sphere_block_box(&rings, &view, turn, ring, azimuth, -500, 4000, low, high);
+        for (int p = 0; p < 30; p++) {
+            double r =
+                test_uniform(&seed, sphere_ring_angle(&rings, ring[1]), sphere_ring_angle(&rings, ring[0]));
+            double a = turn + 2 * M_PI * test_uniform(&seed, azimuth[0], azimuth[1]) / rings.azimuths,
+                   z = test_uniform(&seed, -500, 4000);
+            double half = sin(r / 2), at[3] = {(RADIUS + z) * sin(r) * cos(a), (RADIUS + z) * sin(r) * sin(a),
+                                               z - view.eye_place[2] - (RADIUS + z) * 2 * half * half};
+            for (int axis = 0; axis < 3; axis++)
+                assert_true(at[axis] >= low[axis] - 1e-6 && at[axis] <= high[axis] + 1e-6);
+        }
+    }
+    terrain_destroy(terrain);
+}
+
+// ---- stores ------------------------------------------------------------------------
+
+struct memory {
+    int size;
+    float *texels;
+};
+
+static void write_memory(void *user, int slot_x, int slot_y, int width, int height, const float *heights_q)
+{
+    struct memory *memory = user;
+    assert_true(slot_x >= 0 && slot_y >= 0 && slot_x + width <= memory->size &&
+                slot_y + height <= memory->size);
+    for (int j = 0; j < height; j++)
+        memcpy(memory->texels + (size_t)(slot_y + j) * (size_t)memory->size + slot_x,
+               heights_q + (size_t)j * (size_t)width, (size_t)width * sizeof *heights_q);
+}
+
+// After any walk a level holds what a fresh one holds, and a small step reads little.
+static void walks_leave_levels_whole(void **state)
+{
+    (void)state;
+    struct terrain *terrain = planet(512, 4);
+    struct sphere_shape shape;
+    sphere_shape_init(&shape, terrain, 64);
+    size_t count = (size_t)shape.size * (size_t)shape.size;
+    struct memory walked = {shape.size, calloc(count, sizeof(float))},
+                  fresh = {shape.size, calloc(count, sizeof(float))};
+    float *heights = malloc(count * sizeof *heights);
+    int32_t *columns = malloc((count + 1) * sizeof *columns);
+    uint64_t seed = 3, steady = 0, steps = 0;
+    for (int level = shape.finest; level <= shape.coarsest; level++) {
+        struct sphere_store store = {.held.box = {{0, 0}, {-1, -1}}};
+        double place[2] = {1.2 * RADIUS, 1.3 * RADIUS}, cell = ldexp(shape.spacing_m[1], level);
+        for (int step = 0; step < test_size(12, 400); step++) {
+            bool whole, jump = step % 6 == 5;
+            place[0] += cell * test_uniform(&seed, -1, 3);
+            place[1] += cell * test_uniform(&seed, -1, 1);
+            if (jump) place[1] = asin(test_uniform(&seed, -1, 1)) * RADIUS;
+            place[1] = fmin(fmax(place[1], -M_PI / 2 * RADIUS), M_PI / 2 * RADIUS);
+            struct sphere_window wanted = sphere_window_wanted(&shape, level, place);
+            bool kept = wanted.decimation == store.held.decimation && wanted.around == store.held.around;
+            uint64_t read = sphere_store_move(&store, &shape, terrain, level, &wanted, UINT64_MAX, heights,
+                                              columns, write_memory, &walked, &whole);
+            assert_true(whole);
+            if (step && !jump && kept) steady += read, steps++;
+        }
+        struct sphere_store other = {.held.box = {{0, 0}, {-1, -1}}};
+        bool whole;
+        sphere_store_move(&other, &shape, terrain, level, &store.held, UINT64_MAX, heights, columns,
+                          write_memory, &fresh, &whole);
+        for (int64_t y = store.held.box.lo[1]; y <= store.held.box.hi[1]; y++)
+            for (int64_t x = store.held.box.lo[0]; x <= store.held.box.hi[0]; x++) {
+                size_t at = (size_t)clipmap_slot(y, shape.size) * (size_t)shape.size +
+                            (size_t)clipmap_slot(x, shape.size);
+                assert_true(walked.texels[at] == fresh.texels[at]);
+            }
+    }
+    double share = steps ? (double)steady / (double)steps / (double)count : 0;
+    FIGURE("stores: a step of a cell or three reads %.3f of a level on average", share);
+    assert_true(share < 0.15); // 4 of 64 columns and 4 of 64 rows at most once a step: 0.125
+    free(walked.texels), free(fresh.texels), free(heights), free(columns);
+    terrain_destroy(terrain);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(positions_keep_their_height),
+        cmocka_unit_test(stable_angles_are_right_at_all_latitudes),
+        cmocka_unit_test(texels_are_monotone_on_a_small_ring),
+        cmocka_unit_test(the_pattern_is_carried_over_a_pole),
+        cmocka_unit_test(windows_hold_what_rings_sample),
+        cmocka_unit_test(horizons_are_exact),
+        cmocka_unit_test(rings_end_at_a_pixel),
+        cmocka_unit_test(boxes_hold_their_blocks),
+        cmocka_unit_test(walks_leave_levels_whole),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
