@@ -54,6 +54,7 @@ const struct renderer_type null_renderer = {
     .name = "null",
     .summary = "clears and draws nothing: the cost of the harness",
     .knobs = no_knobs,
+    .spheres = true,
     .create = null_create,
     .begin_frame = null_begin_frame,
     .update = null_update,

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "bench/error.h"
 
+#include "bench/flat.h"
+
 #include "common/parallel.h"
 #include "common/report.h"
 
@@ -43,7 +45,11 @@ struct places *truth_places(const struct truth *truth, int threads)
     }
     size_t count = 0, pixels = (size_t)truth->width * (size_t)truth->height;
     for (size_t k = 0; k < pixels; k++)
-        if (truth->pixels[k].depth > 0) memcpy(xy[count++], truth->pixels[k].relative, sizeof *xy);
+        if (truth->pixels[k].depth > 0) {
+            double flat[3];
+            flat_from_relative(truth->radius_m, truth->pixels[k].relative, flat);
+            memcpy(xy[count++], flat, sizeof *xy);
+        }
     struct places *places = places_create((const double(*)[2])xy, count, threads);
     free(xy);
     return places;
@@ -80,9 +86,49 @@ static bool onto_map(const struct terrain_info *info, double place[3], double to
     return true;
 }
 
+// Two heights over the eye's at one place of a sphere, projected.
+static bool project_rises(const struct measuring *m, const double flat[3], double from_m, double to_m,
+                          double *error_px)
+{
+    double from[3], step[3];
+    flat_point(m->view->radius_m, flat, from_m, from);
+    flat_up(m->view->radius_m, flat, step);
+    for (int axis = 0; axis < 3; axis++) step[axis] *= to_m - from_m;
+    return view_project_segment(m->view, from, step, error_px);
+}
+
+// The same two on a sphere, where "vertical" is the plumb line at the place.
+static bool drawn_against_truth_sphere(const struct measuring *m, const double drawn[3], double *error_px)
+{
+    double world[3], place[3], flat[3], height_q;
+    view_world(m->view, drawn, world);
+    terrain_place_from_world(m->terrain, world, place);
+    if (!terrain_truth_at(m->terrain, place[0], place[1], &height_q, NULL)) return false;
+    flat_from_relative(m->view->radius_m, drawn, flat);
+    double truth_m = (height_q - m->eye_q) * m->info->quantum_m;
+    return project_rises(m, flat, truth_m, flat_rise(m->view->radius_m, flat), error_px);
+}
+
+static bool truth_against_mesh_sphere(const struct measuring *m, const struct truth_pixel *truth, size_t hit,
+                                      double *error_px, bool *covered)
+{
+    double low, high, flat[3], other_px;
+    flat_from_relative(m->view->radius_m, truth->relative, flat);
+    double truth_m = flat_rise(m->view->radius_m, flat);
+    *covered = places_height(m->hits, hit, &low, &high);
+    if (!*covered) return false;
+    flat[2] = low;
+    if (!project_rises(m, flat, truth_m, flat_rise(m->view->radius_m, flat), error_px)) return false;
+    flat[2] = high;
+    if (high > low && project_rises(m, flat, truth_m, flat_rise(m->view->radius_m, flat), &other_px))
+        *error_px = fmax(*error_px, other_px);
+    return true;
+}
+
 // (a): the drawn point against the truth at the same place.
 static bool drawn_against_truth(const struct measuring *m, const double drawn[3], double *error_px)
 {
+    if (m->view->radius_m > 0) return drawn_against_truth_sphere(m, drawn, error_px);
     const double *eye = m->view->eye_m;
     double world[3] = {eye[0] + drawn[0], eye[1] + drawn[1], eye[2] + drawn[2]}, place[3], height_q;
     double tolerance = 1e-6 * (fabs(drawn[0]) + fabs(drawn[1]) + fabs(drawn[2]));
@@ -99,6 +145,7 @@ static bool drawn_against_truth(const struct measuring *m, const double drawn[3]
 static bool truth_against_mesh(const struct measuring *m, const struct truth_pixel *truth, size_t hit,
                                double *error_px, bool *covered)
 {
+    if (m->view->radius_m > 0) return truth_against_mesh_sphere(m, truth, hit, error_px, covered);
     double low, high, other_px;
     const double *at = truth->relative;
     double truth_z = (double)(float)at[2];

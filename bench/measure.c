@@ -1,6 +1,7 @@
 // The error passes: truth is cast once a frame and shared by all settings; then each setting's position pass
 // and captured triangles are held against it.  No clock runs here but that of roofline_ms.
 // SPDX-License-Identifier: MIT
+#include "bench/flat.h"
 #include "bench/machine.h"
 #include "bench/ridges.h"
 #include "bench/run.h"
@@ -79,13 +80,22 @@ static void choose_temporal_places(struct measure *measure)
         const struct truth_pixel *pixel = &measure->truth.pixels[p];
         if (!(pixel->depth > 0)) continue;
         if (hit % stride == 0) {
-            for (int axis = 0; axis < 3; axis++)
-                measure->temporal_world[measure->temporal_count][axis] =
-                    pixel->relative[axis] + measure->view.eye_m[axis];
+            view_world(&measure->view, pixel->relative, measure->temporal_world[measure->temporal_count]);
             measure->temporal_hit[measure->temporal_count++] = hit;
         }
         hit++;
     }
+}
+
+// A place in the world, flattened for this frame's eye.
+static void flat_place(const struct measure *measure, const double world[3], double flat[3])
+{
+    const struct view *view = &measure->view;
+    double apart[3], relative[3] = {0, 0, 0};
+    for (int k = 0; k < 3; k++) apart[k] = world[k] - view->eye_m[k];
+    for (int axis = 0; axis < 3; axis++)
+        for (int k = 0; k < 3; k++) relative[axis] += apart[k] * view->axes[axis][k];
+    flat_from_relative(view->radius_m, relative, flat);
 }
 
 static bool begin_frame(struct measure *measure, struct run *run, int frame)
@@ -100,9 +110,11 @@ static bool begin_frame(struct measure *measure, struct run *run, int frame)
     choose_temporal_places(measure);
     if (measure->previous_count) {
         double(*xy)[2] = malloc(measure->previous_count * sizeof *xy);
-        for (size_t k = 0; xy && k < measure->previous_count; k++)
-            for (int axis = 0; axis < 2; axis++)
-                xy[k][axis] = measure->previous_world[k][axis] - measure->view.eye_m[axis];
+        for (size_t k = 0; xy && k < measure->previous_count; k++) {
+            double flat[3];
+            flat_place(measure, measure->previous_world[k], flat);
+            for (int axis = 0; axis < 2; axis++) xy[k][axis] = flat[axis];
+        }
         measure->previous =
             xy ? places_create((const double(*)[2])xy, measure->previous_count, run->options.threads) : NULL;
         free(xy);
@@ -114,8 +126,9 @@ static bool begin_frame(struct measure *measure, struct run *run, int frame)
 static void receive_triangles(const float *triangles, size_t count, void *user)
 {
     struct measure *measure = user;
-    places_feed(triangles, count, measure->hits);
-    if (measure->previous) places_feed(triangles, count, measure->previous);
+    double radius_m = measure->view.radius_m;
+    flat_feed(radius_m, triangles, count, measure->hits);
+    if (measure->previous) flat_feed(radius_m, triangles, count, measure->previous);
     roofline_feed(triangles, count, measure->roofline);
     ridges_feed(&measure->ridges, triangles, count);
 }
@@ -125,21 +138,25 @@ static void receive_triangles(const float *triangles, size_t count, void *user)
 static bool measure_temporal(struct measure *measure, struct setting *setting, struct frame_record *record,
                              bool consecutive)
 {
+    const struct view *view = &measure->view;
     struct error_samples frame = {0};
     bool good = true;
     record->temporal_px_p999 = NAN;
     if (consecutive && setting->previous_height && measure->previous) {
         for (size_t k = 0; k < measure->previous_count && good; k++) {
-            double low, high, length_px, before = setting->previous_height[k] - measure->view.eye_m[2];
-            const double *world = measure->previous_world[k];
+            double low, high, length_px, flat[3], relative[3], step[3], pixel[2], radius_m = view->radius_m;
+            double before = setting->previous_height[k] - view->eye_place[2];
             if (isnan(before) || !places_height(measure->previous, k, &low, &high)) continue;
-            double relative[3] = {world[0] - measure->view.eye_m[0], world[1] - measure->view.eye_m[1], low},
-                   pixel[2];
+            flat_place(measure, measure->previous_world[k], flat);
+            flat[2] = low;
+            double now = flat_rise(radius_m, flat);
+            flat_point(radius_m, flat, now, relative);
             if (!view_project(&measure->view, relative, pixel) || pixel[0] < 0 || pixel[1] < 0 ||
                 pixel[0] > measure->view.width || pixel[1] > measure->view.height)
                 continue; // left the picture
-            if (!view_project_vertical(&measure->view, relative[0], relative[1], before, low, &length_px))
-                continue;
+            flat_up(radius_m, flat, step);
+            for (int axis = 0; axis < 3; axis++) step[axis] *= before - now;
+            if (!view_project_segment(view, relative, step, &length_px)) continue;
             float value = (float)length_px;
             good =
                 error_samples_add(&frame, &value, 1) && error_samples_add(&setting->temporal_px, &value, 1);
@@ -150,7 +167,11 @@ static bool measure_temporal(struct measure *measure, struct setting *setting, s
     for (size_t k = 0; setting->previous_height && k < measure->temporal_count; k++) {
         double low, high;
         bool drawn = places_height(measure->hits, measure->temporal_hit[k], &low, &high);
-        setting->previous_height[k] = drawn ? low + measure->view.eye_m[2] : (double)NAN;
+        double flat[3];
+        flat_place(measure, measure->temporal_world[k], flat);
+        flat[2] = low;
+        setting->previous_height[k] =
+            drawn ? flat_rise(view->radius_m, flat) + view->eye_place[2] : (double)NAN;
     }
     error_samples_finish(&frame);
     return good && setting->previous_height;
@@ -289,10 +310,11 @@ static uint64_t order_beyond_grid(const struct measure *measure)
             continue;
         bool explained = false;
         for (int k = 0; k < TRUTH_SNAP_RAYS && !explained; k++) {
-            double ray[3], t;
+            double ray[3], direction[3], t;
             float slope[2];
             truth_snap_ray(view, (int)(p % (size_t)error->width), (int)(p / (size_t)error->width), k, ray);
-            explained = truth_cast_ray(measure->surface, view->eye_m, ray, &t, slope) &&
+            view_world_direction(view, ray, direction);
+            explained = truth_cast_ray(measure->surface, view->eye_m, direction, &t, slope) &&
                         fabs(t - depth) <= 1e-3 * depth;
         }
         count += !explained;

@@ -119,6 +119,21 @@ bool plan_settings(struct run *run)
     return run->setting_count > 0 || fail("--renderers: names no renderer");
 }
 
+bool leave_out_unsupported(struct run *run)
+{
+    int kept = 0;
+    for (int s = 0; s < run->setting_count; s++) {
+        const struct renderer_type *type = run->settings[s].type;
+        int count = run->unsupported_count;
+        if (!renderer_unsupported(type, run->scene->terrain))
+            run->settings[kept++] = run->settings[s];
+        else if (count == 0 || run->unsupported[count - 1] != type)
+            run->unsupported[run->unsupported_count++] = type;
+    }
+    run->setting_count = kept;
+    return kept > 0 || fail("--renderers: none of these draws this terrain; clipmap does");
+}
+
 // A setting of millions of triangles flies few frames, spread over the path, and the report says so.
 static bool choose_frames(struct run *run, struct setting *setting, uint64_t triangles)
 {

@@ -393,6 +393,24 @@ static void add_counters(const struct report *report, struct text *page)
 
 // ---- all ----------------------------------------------------------------------------------------
 
+// Renderers that cannot draw the scene's terrain.
+static void add_unsupported(const struct report *report, struct text *page)
+{
+    const cJSON *rows = cJSON_GetObjectItemCaseSensitive(report->root, "unsupported"), *row;
+    if (cJSON_GetArraySize(rows) == 0) return;
+    text_add(page, "<table><tbody>");
+    cJSON_ArrayForEach(row, rows)
+    {
+        const char *name = json_text(row, "renderer"), *reason = json_text(row, "reason");
+        text_add(page, "<tr><th>");
+        text_add_escaped(page, name ? name : "");
+        text_add(page, "</th><td>unsupported: ");
+        text_add_escaped(page, reason ? reason : "");
+        text_add(page, "</td></tr>");
+    }
+    text_add(page, "</tbody></table>\n");
+}
+
 void report_run_tables(const struct report *report, struct text *page)
 {
     bool uncertain = false;
@@ -405,6 +423,7 @@ void report_run_tables(const struct report *report, struct text *page)
     add_run_table(report, "Coverage and promises", promise_columns, page);
     add_run_table(report, "Work and memory", work_columns, page);
     add_counters(report, page);
+    add_unsupported(report, page);
     const char *why = NULL;
     for (int i = 0; i < report->run_count; i++) {
         if (!json_true(report->runs[i].json, "uncertain")) continue;

@@ -151,6 +151,20 @@ static void add_method(cJSON *root, const struct run *run)
         cJSON_AddItemToArray(order, cJSON_CreateString(run->settings[run->order[i]].id));
 }
 
+// Renderers that were asked for and cannot draw this terrain: a row each, with the reason.
+static void add_unsupported(cJSON *root, const struct run *run)
+{
+    if (!run->unsupported_count) return;
+    cJSON *array = cJSON_AddArrayToObject(root, "unsupported");
+    for (int i = 0; i < run->unsupported_count; i++) {
+        cJSON *row = cJSON_CreateObject();
+        cJSON_AddStringToObject(row, "renderer", run->unsupported[i]->name);
+        cJSON_AddStringToObject(row, "reason",
+                                renderer_unsupported(run->unsupported[i], run->scene->terrain));
+        cJSON_AddItemToArray(array, row);
+    }
+}
+
 void result_add_created(cJSON *root)
 {
     char text[32];
@@ -189,6 +203,7 @@ bool write_results(struct run *run, const char *folder)
     add_scene(root, run);
     add_method(root, run);
     add_agreement(root, run);
+    add_unsupported(root, run);
     cJSON *array = cJSON_AddArrayToObject(root, "runs");
     for (int s = 0; s < run->setting_count; s++)
         cJSON_AddItemToArray(array, runs[s] = result_run(run, &run->settings[s], &summaries[s]));

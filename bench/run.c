@@ -72,6 +72,9 @@ static bool check_memory(const struct run *run)
 
 static void print_summary(const struct run *run)
 {
+    for (int i = 0; i < run->unsupported_count; i++)
+        printf("%s: unsupported: %s\n", run->unsupported[i]->name,
+               renderer_unsupported(run->unsupported[i], run->scene->terrain));
     printf("report: %s/index.html\n", run->options.out);
     if (!run->complete) printf("interrupted: what was measured is kept, marked \"complete\": false\n");
 }
@@ -83,7 +86,8 @@ static int fly_and_write(struct run *run)
     if (options->renderers && !plan_settings(run)) return EXIT_COMMAND_LINE;
     run->scene = scene_open(&(struct scene_request){options->scene, options->terrain, options->size[0],
                                                     options->size[1], options->cache_mib});
-    if (!run->scene || (!options->renderers && !plan_settings(run))) return EXIT_WORLD;
+    if (!run->scene || (!options->renderers && !plan_settings(run)) || !leave_out_unsupported(run))
+        return EXIT_WORLD;
     if (!options->out) {
         snprintf(default_out, sizeof default_out, "reports/%s", run->scene->name);
         run->options.out = default_out;

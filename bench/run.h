@@ -95,6 +95,8 @@ struct run {
     int frames;     // of the path as flown
     struct setting settings[MAX_SETTINGS];
     int setting_count;
+    const struct renderer_type *unsupported[16]; // asked for, but they cannot draw this terrain
+    int unsupported_count;
     int *order; // flights in the order flown: setting numbers
     int order_count;
     struct progress progress;
@@ -105,6 +107,7 @@ struct run {
 
 // Each returns false after one line on stderr; an interruption is no failure.
 bool plan_settings(struct run *run);
+bool leave_out_unsupported(struct run *run); // settings of renderers that cannot draw the scene's terrain
 bool create_renderers(struct run *run);
 bool fly_timed(struct run *run);
 bool measure_errors(struct run *run);

@@ -545,17 +545,11 @@ void truth_snap_ray(const struct view *view, int x, int y, int ray, double direc
 
 // ---- a picture of a sphere ----------------------------------------------------------------------
 
-static void to_world(const struct view *view, const double local[3], double world[3])
-{
-    for (int k = 0; k < 3; k++)
-        world[k] = local[0] * view->axes[0][k] + local[1] * view->axes[1][k] + local[2] * view->axes[2][k];
-}
-
 static bool cast_sphere(const struct casting *c, struct truth_tiles *tiles, const double ray[3],
                         struct truth_sphere_hit *hit)
 {
     double direction[3];
-    to_world(c->view, ray, direction);
+    view_world_direction(c->view, ray, direction);
     return truth_sphere_cast(c->surface->sphere, tiles, c->view->eye_m, direction, c->view->near_m, hit);
 }
 
@@ -679,6 +673,7 @@ void truth_cast(struct truth *truth, const struct truth_surface *surface, const 
                 int threads)
 {
     struct casting casting = {truth, surface, view, {0}};
+    truth->radius_m = view->radius_m;
     int blocks = (truth->height + ROWS_A_BLOCK - 1) / ROWS_A_BLOCK;
     if (surface->sphere) {
         parallel_blocks(blocks, threads, cast_sphere_rows, &casting);

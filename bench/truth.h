@@ -29,6 +29,7 @@ struct truth {
     struct truth_pixel *pixels; // row 0 is the bottom row
     size_t *row_first;          // ground pixels before each row; [height]: all of them
     uint64_t ground;            // pixels that see terrain
+    double radius_m;            // of the view that was cast
 };
 
 // How the caster reads the surface: cells of one height field.  The plane implements it over terrain_samples,

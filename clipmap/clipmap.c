@@ -609,6 +609,7 @@ const struct renderer_type clipmap_renderer = {
     .quality_knob = "n",
     .quick = quick_n,
     .full = full_n,
+    .spheres = true,
     .create = create,
     .begin_frame = begin_frame,
     .update = update,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "common/renderer.h"
 #include "common/report.h"
+#include "common/terrain/terrain.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -11,6 +12,11 @@ void renderer_default_knobs(const struct renderer_type *type, double knobs[RENDE
 {
     for (int i = 0; i < RENDERER_MAX_KNOBS; i++) knobs[i] = 0;
     for (int i = 0; type->knobs[i].name; i++) knobs[i] = type->knobs[i].fallback;
+}
+
+const char *renderer_unsupported(const struct renderer_type *type, const struct terrain *terrain)
+{
+    return terrain_info(terrain)->datum == TERRAIN_SPHERE && !type->spheres ? "sphere" : NULL;
 }
 
 int renderer_knob_index(const struct renderer_type *type, const char *name)

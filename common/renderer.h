@@ -70,6 +70,7 @@ struct renderer_type {
     // The quality knob's values, coarse to fine; each list ends with NAN.  A sweep starts where skylines are
     // less than 8 pixels off: beyond, what a coarse mesh misses counts as holes (reports/README.md).
     const double *quick, *full;
+    bool spheres; // draws terrain on a sphere, too; others are not created for one
     struct renderer *(*create)(const struct renderer_desc *desc); // NULL after one line on stderr
     void (*begin_frame)(struct renderer *renderer, int frame);
     bool (*update)(struct renderer *renderer, const struct view *views,
@@ -81,6 +82,8 @@ struct renderer_type {
 
 // Fills desc->knobs with the defaults.
 void renderer_default_knobs(const struct renderer_type *type, double knobs[RENDERER_MAX_KNOBS]);
+// Why a renderer cannot draw a terrain, in a word or two; NULL: it can.
+const char *renderer_unsupported(const struct renderer_type *type, const struct terrain *terrain);
 // Index of a knob, or -1.
 int renderer_knob_index(const struct renderer_type *type, const char *name);
 // Sets knobs[] from a word such as "127" or "safe"; false after one line on stderr that names the option.

@@ -124,6 +124,9 @@ bool viewer_make_renderer(struct viewer *viewer)
     for (int k = 0; k < RENDERER_MAX_KNOBS; k++) desc.knobs[k] = viewer->knobs[k];
     viewer->largest[0] = desc.width;
     viewer->largest[1] = desc.height;
+    const char *unsupported = renderer_unsupported(viewer->type, desc.terrain);
+    if (unsupported)
+        return fail("%s: unsupported: %s; the clipmap renderer draws it", viewer->type->name, unsupported);
     viewer->renderer = viewer->type->create(&desc);
     return viewer->renderer != NULL;
 }

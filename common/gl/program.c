@@ -272,16 +272,18 @@ void gpu_set_view(struct gpu *gpu, const struct terrain *terrain, const struct v
     if (!gpu->info.clip_control) gpu_frame_without_clip_control(&frame);
     const double unit = 1.0 / (1 << VIEW_HEIGHT_BITS);
     double eye_q = (double)view->eye_height * unit;
-    float whole = (float)(view->eye_height >> VIEW_HEIGHT_BITS);
-    frame.height[0] = whole;
-    frame.height[1] = (float)(eye_q - (double)whole);
+    float whole_q = (float)(view->eye_height >> VIEW_HEIGHT_BITS);
+    frame.height[0] = whole_q;
+    frame.height[1] = (float)(eye_q - (double)whole_q);
     frame.height[2] = (float)info->quantum_m;
     frame.height[3] = 0;
     double relief_m = info->max_q > info->min_q ? info->quantum_m * ((double)info->max_q - info->min_q) : 1;
     frame.shade[0] =
         (float)((info->offset_m + info->quantum_m * info->min_q - view->eye_place[2]) / relief_m);
     frame.shade[1] = (float)(1 / relief_m);
-    for (int i = 0; i < 4; i++) frame.outline[i] = relative_edge(info, view, i) * frame.shade[1];
+    bool whole = info->datum == TERRAIN_SPHERE; // a planet has no outline
+    for (int i = 0; i < 4; i++)
+        frame.outline[i] = whole ? (i < 2 ? -1e30f : 1e30f) : relative_edge(info, view, i) * frame.shade[1];
     for (int row = 0; row < 3; row++)
         for (int k = 0; k < 3; k++) frame.axes[row][k] = (float)view->axes[row][k];
     frame.axes[0][3] = view->radius_m > 0 ? (float)(1 / view->radius_m) : 0;

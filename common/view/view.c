@@ -145,11 +145,17 @@ bool view_inside_outline(const struct view *view, const struct terrain *terrain,
     return true;
 }
 
-void view_world(const struct view *view, const double relative[3], double world_m[3])
+void view_world_direction(const struct view *view, const double relative[3], double world[3])
 {
     for (int axis = 0; axis < 3; axis++)
-        world_m[axis] = view->eye_m[axis] + relative[0] * view->axes[0][axis] +
-                        relative[1] * view->axes[1][axis] + relative[2] * view->axes[2][axis];
+        world[axis] = relative[0] * view->axes[0][axis] + relative[1] * view->axes[1][axis] +
+                      relative[2] * view->axes[2][axis];
+}
+
+void view_world(const struct view *view, const double relative[3], double world_m[3])
+{
+    view_world_direction(view, relative, world_m);
+    for (int axis = 0; axis < 3; axis++) world_m[axis] += view->eye_m[axis];
 }
 
 void view_ray(const struct view *view, int x, int y, double direction[3])

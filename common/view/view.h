@@ -75,6 +75,8 @@ bool view_inside_outline(const struct view *view, const struct terrain *terrain,
 
 // The world position of a point relative to the eye.
 void view_world(const struct view *view, const double relative[3], double world_m[3]);
+void view_world_direction(const struct view *view, const double relative[3],
+                          double world[3]); // not from the eye
 
 // Direction of the ray through the centre of pixel (x, y), scaled so that its depth (along forward) is 1.
 void view_ray(const struct view *view, int x, int y, double direction[3]);
