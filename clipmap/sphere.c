@@ -43,8 +43,10 @@ struct clipmap_sphere {
     struct sphere_rings rings;
     struct sphere_shape shape;
     int layers, max_blocks, view_count, frame;
-    int row;          // vertices of a ring in the buffer: the first once more at the end, and the nadir
-    size_t fan_first; // of the index lists of the fans, one a sector
+    int row;               // vertices of a ring in the buffer: the first once more at the end, and the nadir
+    size_t disc_first[16]; // index lists of the disc's octaves
+    GLsizei disc_count[16];
+    size_t fan_first; // of the fans, one a sector
     GLuint vertices, indices, vertex_array;
     float *scratch;
     int32_t *columns;
@@ -71,27 +73,64 @@ static bool upload_vertices(struct clipmap_sphere *s)
     return true;
 }
 
-// Counter-clockwise from above: azimuths run so, rings inwards.
+// ---- index lists, one sector each, counter-clockwise from above: azimuths run so, rings inwards
+// ---------------
+
+static uint32_t *add_triangle(uint32_t *to, int a, int b, int c)
+{
+    to[0] = (uint32_t)a, to[1] = (uint32_t)b, to[2] = (uint32_t)c;
+    return to + 3;
+}
+
+static uint32_t *add_quads(uint32_t *to, int row, int ring, int ring_step, int rings, int across, int step)
+{
+    for (int r = ring; r < ring + rings; r += ring_step)
+        for (int a = 0; a < across; a += step) {
+            int outer = r * row + a, inner = outer + ring_step * row;
+            to = add_triangle(to, outer, outer + step, inner + step);
+            to = add_triangle(to, outer, inner + step, inner);
+        }
+    return to;
+}
+
+// From a ring with azimuths `step` / 2 apart to one with `step`.
+static uint32_t *add_transition(uint32_t *to, int row, int ring_step, int across, int step)
+{
+    for (int a = 0; a < across; a += step) {
+        int outer = a, middle = a + step / 2, inner = ring_step * row + a;
+        to = add_triangle(to, outer, middle, inner);
+        to = add_triangle(to, middle, inner + step, inner);
+        to = add_triangle(to, middle, outer + step, inner + step);
+    }
+    return to;
+}
+
+static int disc_ring_step(int octave)
+{
+    return 1 << (octave < 4 ? octave : 4); // an octave has a multiple of 16 rings
+}
+
 static bool upload_indices(struct clipmap_sphere *s)
 {
-    int across = s->rings.azimuths / SPHERE_SECTORS;
-    size_t quads = (size_t)across * RINGS_A_BLOCK, count = 6 * quads + 3 * (size_t)s->rings.azimuths;
-    uint16_t *indices = malloc(count * sizeof *indices), *to = indices;
-    if (!indices) return fail("clipmap: no memory for %zu indices", count);
-    for (int r = 0; r < RINGS_A_BLOCK; r++)
-        for (int a = 0; a < across; a++) {
-            int outer = r * s->row + a, inner = outer + s->row;
-            const int corners[6] = {outer, outer + 1, inner + 1, outer, inner + 1, inner};
-            for (int k = 0; k < 6; k++) *to++ = (uint16_t)corners[k];
-        }
-    s->fan_first = (size_t)(to - indices);
-    for (int a = 0; a < s->rings.azimuths; a++) {
-        *to++ = (uint16_t)a;
-        *to++ = (uint16_t)(a + 1);
-        *to++ = (uint16_t)(s->row - 1);
+    int across = s->rings.azimuths / SPHERE_SECTORS, octave = s->rings.an_octave;
+    size_t most =
+        6 * (size_t)across * (size_t)(RINGS_A_BLOCK + 2 * octave + 4) + 3 * (size_t)s->rings.azimuths;
+    uint32_t *indices = malloc(most * sizeof *indices), *to = indices;
+    if (!indices) return fail("clipmap: no memory for %zu indices", most);
+    to = add_quads(to, s->row, 0, 1, RINGS_A_BLOCK, across, 1);
+    for (int k = 0; k <= s->rings.halvings; k++) {
+        int step = 1 << k, ring_step = disc_ring_step(k), done = k ? ring_step : 0;
+        s->disc_first[k] = (size_t)(to - indices);
+        if (k) to = add_transition(to, s->row, ring_step, across, step);
+        to = add_quads(to, s->row, done, ring_step, octave - done, across, step);
+        s->disc_count[k] = (GLsizei)((size_t)(to - indices) - s->disc_first[k]);
     }
+    s->fan_first = (size_t)(to - indices);
+    for (int a = 0; a < s->rings.azimuths; a += 1 << s->rings.halvings)
+        to = add_triangle(to, a, a + (1 << s->rings.halvings), s->row - 1);
     glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, s->indices);
-    gpu_buffer_data(s->gpu, GL_ELEMENT_ARRAY_BUFFER, count * sizeof *indices, indices, GL_STATIC_DRAW);
+    gpu_buffer_data(s->gpu, GL_ELEMENT_ARRAY_BUFFER, (size_t)(to - indices) * sizeof *indices, indices,
+                    GL_STATIC_DRAW);
     free(indices);
     return true;
 }
@@ -99,9 +138,6 @@ static bool upload_indices(struct clipmap_sphere *s)
 static bool create_geometry(struct clipmap_sphere *s)
 {
     s->row = s->rings.azimuths + 2;
-    if (s->row * (RINGS_A_BLOCK + 1) > UINT16_MAX)
-        return fail("clipmap: n is %d; over a sphere at most %d is accepted", s->choice.n,
-                    UINT16_MAX / (RINGS_A_BLOCK + 1) / 2 - 10);
     glGenVertexArrays(1, &s->vertex_array);
     glBindVertexArray(s->vertex_array);
     glGenBuffers(1, &s->vertices);
@@ -223,28 +259,38 @@ static bool is_visible(const struct clipmap_sphere *s, const struct sphere_view 
     return frustum_test_box(frustum, low, high, &mask) != FRUSTUM_OUTSIDE;
 }
 
-// Blocks of rings by sectors, the rings inwards, and the fan that closes the innermost ring.
+// The blocks of one part, a sector each.
+static void select_sectors(struct clipmap_sphere *s, struct sphere_view *own, const struct frustum *frustum,
+                           int outer, int inner, GLsizei count, size_t first_index)
+{
+    int across = s->rings.azimuths / SPHERE_SECTORS;
+    for (int sector = 0; sector < SPHERE_SECTORS; sector++) {
+        int ring[2] = {outer, inner}, azimuth[2] = {sector * across, (sector + 1) * across};
+        own->selection.blocks++;
+        if (is_visible(s, own, frustum, ring, azimuth))
+            add_block(&own->selection, count, first_index, outer * s->row + azimuth[0]);
+    }
+}
+
+// Rings inwards, then the disc within the innermost: its octaves, and a fan at its middle.
 static void select_blocks(struct clipmap_sphere *s, struct sphere_view *own)
 {
     struct block_selection *selection = &own->selection;
     struct frustum frustum;
-    int across = s->rings.azimuths / SPHERE_SECTORS;
+    int across = s->rings.azimuths / SPHERE_SECTORS, inner = own->range.inner, octave = s->rings.an_octave;
+    int fan = inner + (s->rings.halvings + 1) * octave, fan_count = 3 * (across >> s->rings.halvings);
     frustum_init(&frustum, &own->view);
     selection->draws = selection->blocks = 0;
     selection->triangles = 0;
-    for (int r = own->range.outer; r <= own->range.inner; r += RINGS_A_BLOCK) {
-        int end = r + RINGS_A_BLOCK < own->range.inner ? r + RINGS_A_BLOCK : own->range.inner;
-        bool fan = end == own->range.inner;
-        for (int sector = 0; sector < SPHERE_SECTORS; sector++) {
-            int ring[2] = {r, fan ? s->rings.count - 1 : end},
-                azimuth[2] = {sector * across, (sector + 1) * across};
-            selection->blocks++;
-            if (!is_visible(s, own, &frustum, ring, azimuth)) continue;
-            if (end > r) add_block(selection, 6 * across * (end - r), 0, r * s->row + azimuth[0]);
-            if (fan) add_block(selection, 3 * across, s->fan_first + 3 * (size_t)azimuth[0], end * s->row);
-        }
-        if (fan) break;
+    for (int r = own->range.outer; r < inner; r += RINGS_A_BLOCK) {
+        int end = r + RINGS_A_BLOCK < inner ? r + RINGS_A_BLOCK : inner;
+        select_sectors(s, own, &frustum, r, end, 6 * across * (end - r), 0);
     }
+    for (int k = 0; k <= s->rings.halvings; k++)
+        select_sectors(s, own, &frustum, inner + k * octave, inner + (k + 1) * octave, s->disc_count[k],
+                       s->disc_first[k]);
+    for (int sector = 0; sector < SPHERE_SECTORS; sector++) // few triangles: not worth a test
+        add_block(selection, fan_count, s->fan_first + (size_t)(sector * fan_count), fan * s->row);
 }
 
 static void update_view(struct clipmap_sphere *s, struct sphere_view *own, const struct view *view)
@@ -324,9 +370,8 @@ void clipmap_sphere_draw(struct clipmap_sphere *s, int view_index, enum render_p
     set_uniforms(s, &s->programs[pass], own);
     glBindVertexArray(s->vertex_array);
     glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, s->indices);
-    gpu_multi_draw_elements(s->gpu, GL_TRIANGLES, selection->counts, GL_UNSIGNED_SHORT,
-                            selection->first_index, selection->base_vertex, selection->draws,
-                            selection->triangles);
+    gpu_multi_draw_elements(s->gpu, GL_TRIANGLES, selection->counts, GL_UNSIGNED_INT, selection->first_index,
+                            selection->base_vertex, selection->draws, selection->triangles);
     glBindVertexArray(0);
 }
 
@@ -383,7 +428,7 @@ struct clipmap_sphere *clipmap_sphere_create(const struct renderer_desc *desc,
     s->rings = sphere_rings_make(choice->n);
     sphere_shape_init(&s->shape, desc->terrain, s->rings.azimuths);
     s->layers = s->shape.coarsest - s->shape.finest + 1;
-    s->max_blocks = (s->rings.count / RINGS_A_BLOCK + 3) * SPHERE_SECTORS * 2;
+    s->max_blocks = (s->rings.count / RINGS_A_BLOCK + 20) * SPHERE_SECTORS;
     size_t texels = (size_t)s->shape.size * (size_t)s->shape.size;
     s->scratch = malloc(texels * sizeof *s->scratch);
     s->columns = malloc((texels + 1) * sizeof *s->columns);

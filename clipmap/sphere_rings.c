@@ -9,7 +9,8 @@ struct sphere_rings sphere_rings_make(int n)
 {
     struct sphere_rings rings = {.azimuths =
                                      (2 * n + 2 + SPHERE_SECTORS / 2) / SPHERE_SECTORS * SPHERE_SECTORS};
-    rings.an_octave = (int)lround(rings.azimuths * M_LN2 / (2 * M_PI));
+    rings.an_octave = (int)fmax(1, lround(rings.azimuths * M_LN2 / (2 * M_PI) / 16)) * 16;
+    while (rings.azimuths / SPHERE_SECTORS % (2 << rings.halvings) == 0) rings.halvings++;
     rings.count = rings.an_octave * SPHERE_OCTAVES + 1;
     return rings;
 }
@@ -49,7 +50,7 @@ struct sphere_ring_range sphere_ring_visible(const struct sphere_rings *rings, c
     double nearest = rings->azimuths * pixel_m / (2 * M_PI * radius_m);
     struct sphere_ring_range range = {(int)floor(rings->an_octave * log2(M_PI / fmin(farthest, M_PI))),
                                       (int)floor(rings->an_octave * log2(M_PI / fmin(nearest, 0.5)))};
-    int last = rings->count - 2;
+    int last = rings->count - 2 - (rings->halvings + 1) * rings->an_octave;
     range.inner = range.inner > last ? last : range.inner;
     if (range.outer > range.inner) range.outer = range.inner;
     return range;

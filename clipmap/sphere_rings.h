@@ -13,12 +13,13 @@
 
 #include <stdbool.h>
 
-enum { SPHERE_OCTAVES = 30, SPHERE_SECTORS = 16 }; // 30 octaves reach from half a turn to 2 cm on Earth
+enum { SPHERE_OCTAVES = 34, SPHERE_SECTORS = 16 }; // 34 octaves reach from half a turn to 1 mm on Earth
 
 struct sphere_rings {
-    int azimuths; // vertices of a ring, a multiple of SPHERE_SECTORS
-    int an_octave;
-    int count; // the last stands for the nadir itself
+    int azimuths;  // vertices of a ring, a multiple of SPHERE_SECTORS
+    int an_octave; // a multiple of 16
+    int count;     // the last stands for the nadir itself
+    int halvings;  // how often a sector's azimuths can be halved
 };
 
 // Rings with about twice `n` azimuths, as many rings an octave as make triangles as long as wide.
@@ -32,7 +33,8 @@ void sphere_ring_vertex(const struct sphere_rings *rings, int ring, int azimuth,
 double sphere_horizon(double height_m, double radius_m);
 
 // Rings outer..inner hold all that can be seen (section 4.5, corrected: SC8, SC9, SC11): the horizon's, peaks
-// beyond it included, and those whose triangles are a pixel wide right below.
+// beyond it included, and those whose triangles are a pixel wide right below.  Within the innermost, the disc
+// is filled with triangles of about that size: octave k of it takes every 2^k-th azimuth and ring.
 struct sphere_ring_range {
     int outer, inner; // outer <= inner < count
 };
