@@ -26,6 +26,7 @@ enum {
     KNOB_BLEND,
     KNOB_TEXTURE,
     KNOB_TEXTURES,
+    KNOB_AHEAD,
     KNOB_CULL,
     KNOB_FACES,
     KNOB_CACHE
@@ -65,6 +66,9 @@ static const struct renderer_knob knobs[] = {
      "modulate|add|replace"},
     {"texture", "shading own: longest side of a sub-texture, px", 1024, 16, 65536, NULL},
     {"textures", "shading own: ceiling of all sub-textures, KiB", 65536, 1, 1e8, NULL},
+    {"ahead",
+     "shading own: sub-textures are loaded for where the eye will be so many frames on; 0: when needed", 8, 0,
+     1000, NULL},
     {"cull", "draw only tiles that the frustum meets", 1, 0, 1, "off|on"},
     {"faces", RENDERER_FACES_HELP, RENDERER_FACES_SAFE, 0, 2, RENDERER_FACES_CHOICES},
     {"cache", "most tiles in the vertex buffer; 0: as many as a frame needs", 0, 0, 1e6, NULL},
@@ -121,8 +125,11 @@ struct geomipmap {
     bool own_shading;
     int blend; // enum geomipmap_blend
     struct geomipmap_shading shading;
-    uint64_t loads_before; // of sub-textures, when the frame began
-    bool streamed;         // the frame needs more tiles than the cache may hold: draw() uploads in batches
+    uint64_t loads_before, ahead_before; // of sub-textures, when the frame began
+    double ahead;                        // frames to look ahead for them
+    double eye_m[3];                     // of the frame before, where this one goes on
+    bool goes_on;
+    bool streamed; // the frame needs more tiles than the cache may hold: draw() uploads in batches
 
     struct geomipmap_program programs[PASS_COUNT][2]; // the second: GPU_INSIDE_OUTLINE
     GLuint vertex_array, indices, vertices, places, places_texture, heights_texture;
@@ -332,7 +339,9 @@ static void begin_frame(struct renderer *renderer, int frame)
     struct geomipmap *g = (struct geomipmap *)renderer;
     for (int i = 0; frame != g->frame + 1 && i < RENDERER_MAX_VIEWS; i++)
         geomipmap_selection_restart(&g->views[i].selection, &g->tiles); // another flight
+    g->goes_on = frame == g->frame + 1;
     g->frame = frame;
+    g->ahead_before = g->shading.light.ahead + g->shading.colour.ahead;
     int from, to;
     g->counts_before = g->cache.counts;
     g->loads_before = g->shading.light.loads + g->shading.colour.loads;
@@ -426,6 +435,18 @@ static bool select_view(struct geomipmap *g, struct geomipmap_view *own, const s
     return reserve_draws(own, selection->room * most_parts(g), g->own_shading);
 }
 
+// An eye at rest sees nothing new coming.
+static void foresee(struct geomipmap *g, const struct view *view)
+{
+    double step_m[3], way = 0;
+    for (int axis = 0; axis < 3; axis++) {
+        step_m[axis] = (view->eye_m[axis] - g->eye_m[axis]) * g->ahead;
+        way += fabs(step_m[axis]);
+        g->eye_m[axis] = view->eye_m[axis];
+    }
+    if (g->goes_on && way > 0) geomipmap_shading_foresee(&g->shading, &g->tiles, view, step_m);
+}
+
 static bool update(struct renderer *renderer, const struct view *views, int count)
 {
     struct geomipmap *g = (struct geomipmap *)renderer;
@@ -438,6 +459,7 @@ static bool update(struct renderer *renderer, const struct view *views, int coun
         if (!g->streamed) g->streamed = gather(g, view, 0) < view->drawn;
     }
     if (g->own_shading && !geomipmap_shading_end(&g->shading)) return false;
+    if (g->own_shading) foresee(g, &views[0]);
     if (g->streamed && g->cache.slot_count == 0) return fail("geomipmap: no memory for a single tile");
     return true;
 }
@@ -560,6 +582,8 @@ static void add_shading_counters(const struct geomipmap *g, struct renderer_stat
         (struct renderer_counter){"texture_bytes", (double)(light->resident_bytes + colour->resident_bytes)};
     stats->counters[n++] =
         (struct renderer_counter){"texture_loads", (double)(light->loads + colour->loads - g->loads_before)};
+    stats->counters[n++] =
+        (struct renderer_counter){"texture_ahead", (double)(light->ahead + colour->ahead - g->ahead_before)};
     stats->counters[n++] =
         (struct renderer_counter){"blocks_by_overview", light->shown_by_overview + colour->shown_by_overview};
     stats->counters[n++] = (struct renderer_counter){"light_map_ms", g->shading.light_ms};
@@ -727,6 +751,7 @@ static bool init(struct geomipmap *g, const struct renderer_desc *desc)
                                           .hysteresis = desc->knobs[KNOB_HYSTERESIS],
                                           .morph = desc->knobs[KNOB_MORPH] != 0};
     g->faces = (enum renderer_faces)desc->knobs[KNOB_FACES];
+    g->ahead = desc->knobs[KNOB_AHEAD];
     g->own_shading = desc->effects->shading == SCENE_SHADING_OWN;
     g->blend = (int)desc->knobs[KNOB_BLEND];
     enum geomipmap_delta delta = (enum geomipmap_delta)desc->knobs[KNOB_DELTA];

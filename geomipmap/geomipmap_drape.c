@@ -10,8 +10,8 @@ enum { ABSENT = -1, OVERVIEW_SHARE = 16 }; // the overview takes a sixteenth of 
 
 struct geomipmap_sub {
     GLuint texture;
-    int level; // resident; ABSENT
-    uint64_t used;
+    int level;               // resident; ABSENT
+    uint64_t used, foreseen; // frame of the last need, and of the last that saw it coming
 };
 
 // ---- sizes --------------------------------------------------------------------------------------
@@ -104,6 +104,7 @@ static size_t fit(struct geomipmap_drape *drape, const struct geomipmap_need *ne
     size_t total = 0;
     for (int bias = 0; bias <= last; bias++) {
         total = 0;
+        drape->bias = bias;
         for (int i = 0; i < count; i++) {
             const struct geomipmap_sub *sub = &drape->subs[needs[i].block];
             int level = wanted_level(drape, &needs[i], pixels_per_tangent) + bias;
@@ -122,14 +123,16 @@ static size_t fit(struct geomipmap_drape *drape, const struct geomipmap_need *ne
     return total;
 }
 
-// Drops what the frame does not need, oldest first, until `bytes` fit.
-static void make_room(struct geomipmap_drape *drape, size_t bytes)
+// Drops what the frame does not need, oldest first, until `bytes` fit.  foreseen: of this frame; kept, or
+// dropped like the others.
+static void make_room(struct geomipmap_drape *drape, size_t bytes, bool keep_foreseen)
 {
     int blocks = drape->blocks.columns * drape->blocks.rows;
     while (drape->resident_bytes + bytes > drape->ceiling_bytes) {
         int oldest = ABSENT;
         for (int b = 0; b < blocks; b++)
             if (drape->subs[b].level != ABSENT && drape->subs[b].used != drape->frame &&
+                !(keep_foreseen && drape->subs[b].foreseen == drape->frame) &&
                 (oldest == ABSENT || drape->subs[b].used < drape->subs[oldest].used))
                 oldest = b;
         if (oldest == ABSENT) return;
@@ -145,6 +148,14 @@ static bool reserve(struct geomipmap_drape *drape, int count)
     drape->levels = levels;
     drape->level_room = count;
     return true;
+}
+
+static void load_block(struct geomipmap_drape *drape, int block, int level)
+{
+    drape->subs[block] = (struct geomipmap_sub){
+        .texture = load(drape, level, block_rect(drape, block, level)), .level = level};
+    drape->resident_bytes += block_bytes(drape, block, level);
+    drape->loads++;
 }
 
 bool geomipmap_drape_ask(struct geomipmap_drape *drape, const struct geomipmap_need *needs, int count,
@@ -164,17 +175,41 @@ bool geomipmap_drape_ask(struct geomipmap_drape *drape, const struct geomipmap_n
             missing += block_bytes(drape, needs[i].block, drape->levels[i]);
         drape->shown_by_overview += drape->levels[i] == ABSENT;
     }
-    make_room(drape, missing);
+    make_room(drape, missing, false);
     for (int i = 0; i < count; i++) {
         struct geomipmap_sub *sub = &drape->subs[needs[i].block];
         int level = drape->levels[i];
         if (level == ABSENT || sub->level == level) continue;
-        *sub = (struct geomipmap_sub){load(drape, level, block_rect(drape, needs[i].block, level)), level,
-                                      drape->frame};
-        drape->resident_bytes += block_bytes(drape, needs[i].block, level);
-        drape->loads++;
+        load_block(drape, needs[i].block, level);
+        sub->used = drape->frame;
     }
     return true;
+}
+
+void geomipmap_drape_foresee(struct geomipmap_drape *drape, const struct geomipmap_need *needs, int count,
+                             double pixels_per_tangent)
+{
+    const struct geomipmap_need *next = NULL;
+    int next_level = 0, last = drape->picture.levels - 1;
+    for (int i = 0; i < count; i++) {
+        struct geomipmap_sub *sub = &drape->subs[needs[i].block];
+        int level = wanted_level(drape, &needs[i], pixels_per_tangent) + drape->bias;
+        if (level > last) level = last;
+        if (sub->used == drape->frame) continue;
+        sub->foreseen = drape->frame;
+        if (sub->level != ABSENT && sub->level <= level) continue;
+        if (next && next->depth_m <= needs[i].depth_m) continue;
+        next = &needs[i];
+        next_level = level;
+    }
+    if (!next) return;
+    if (drape->subs[next->block].level != ABSENT) drop(drape, next->block);
+    size_t bytes = block_bytes(drape, next->block, next_level);
+    make_room(drape, bytes, true);
+    if (drape->resident_bytes + bytes > drape->ceiling_bytes) return;
+    load_block(drape, next->block, next_level);
+    drape->subs[next->block].foreseen = drape->frame;
+    drape->ahead++;
 }
 
 // ---- life ---------------------------------------------------------------------------------------

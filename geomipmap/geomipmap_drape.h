@@ -7,6 +7,9 @@
 // picture at one level, which always stays.  Sub-textures that no frame needs any more stay until their
 // memory is needed, the least recently used going first.
 //
+// What frames to come will show may be loaded ahead, one sub-texture a frame, into room that this frame does
+// not need: then no frame has to load many at once.
+//
 // Bytes are those of the pixels and their mipmaps; they never exceed the ceiling.
 // SPDX-License-Identifier: MIT
 #ifndef GEOMIPMAP_GEOMIPMAP_DRAPE_H
@@ -40,7 +43,9 @@ struct geomipmap_drape {
     int *levels;                // of the needs, while fitting
     int level_room;
     uint64_t frame;
+    int bias;              // levels coarser than wanted, so that all needs of the last frame fit
     uint64_t loads, drops; // of sub-textures, since init
+    uint64_t ahead;        // loads that no frame had asked for yet
     int shown_by_overview; // blocks of the last frame
 };
 
@@ -54,6 +59,11 @@ void geomipmap_drape_finish(struct geomipmap_drape *drape); // accepts a zeroed 
 // stderr.
 bool geomipmap_drape_ask(struct geomipmap_drape *drape, const struct geomipmap_need *needs, int count,
                          double pixels_per_tangent);
+
+// After asking: loads the nearest of the blocks foreseen that is not resident, if it fits beside what the
+// frame needs and the other blocks foreseen.
+void geomipmap_drape_foresee(struct geomipmap_drape *drape, const struct geomipmap_need *needs, int count,
+                             double pixels_per_tangent);
 
 // Binds what a block shows to the active unit; place: factors and offsets from eye-relative metres (x, y) to
 // texture coordinates.

@@ -37,6 +37,23 @@ static void cut_blocks(struct geomipmap_shading *shading, const struct geomipmap
     }
 }
 
+// Lowest and highest sample of each block, from the largest tiles in it.
+static void range_blocks(struct geomipmap_shading *shading, const struct geomipmap_tiles *tiles)
+{
+    const struct geomipmap_grid *grid = &tiles->grid[tiles->top];
+    int shift = shading->block_height - tiles->top;
+    for (int b = 0; b < shading->blocks.columns * shading->blocks.rows; b++)
+        shading->ranges[b] = (struct geomipmap_range){INT32_MAX, INT32_MIN};
+    for (int row = 0; row < grid->rows; row++)
+        for (int column = 0; column < grid->columns; column++) {
+            struct geomipmap_range tile = grid->range[(size_t)row * (size_t)grid->columns + (size_t)column];
+            struct geomipmap_range *block =
+                &shading->ranges[(row >> shift) * shading->blocks.columns + (column >> shift)];
+            if (tile.low < block->low) block->low = tile.low;
+            if (tile.high > block->high) block->high = tile.high;
+        }
+}
+
 // The finest level that is not too large for a light map in memory.
 static int light_level(const struct terrain *terrain)
 {
@@ -76,8 +93,11 @@ bool geomipmap_shading_init(struct geomipmap_shading *shading, struct gpu *gpu,
     shading->need_of = malloc(count * sizeof *shading->need_of);
     shading->needs = malloc(count * sizeof *shading->needs);
     shading->starts = malloc(count * sizeof *shading->starts);
-    if (!shading->need_of || !shading->needs || !shading->starts)
+    shading->ranges = malloc(count * sizeof *shading->ranges);
+    shading->coming = malloc(count * sizeof *shading->coming);
+    if (!shading->need_of || !shading->needs || !shading->starts || !shading->ranges || !shading->coming)
         return fail("geomipmap: no memory for %zu map blocks", count);
+    range_blocks(shading, tiles);
     for (size_t b = 0; b < count; b++) shading->need_of[b] = -1;
     double area_m[4];
     if (!make_light(shading, tiles, area_m)) return false;
@@ -107,6 +127,8 @@ void geomipmap_shading_finish(struct geomipmap_shading *shading)
     free(shading->need_of);
     free(shading->needs);
     free(shading->starts);
+    free(shading->ranges);
+    free(shading->coming);
     *shading = (struct geomipmap_shading){0};
 }
 
@@ -191,6 +213,33 @@ bool geomipmap_shading_end(struct geomipmap_shading *shading)
                                shading->pixels_per_tangent) &&
            (!shading->colour.subs || geomipmap_drape_ask(&shading->colour, shading->needs,
                                                          shading->need_count, shading->pixels_per_tangent));
+}
+
+void geomipmap_shading_foresee(struct geomipmap_shading *shading, const struct geomipmap_tiles *tiles,
+                               const struct view *view, const double step_m[3])
+{
+    const struct geomipmap_blocks *blocks = &shading->blocks;
+    struct frustum frustum;
+    int count = 0;
+    frustum_init(&frustum, view); // planes are relative to the eye
+    for (int b = 0; b < blocks->columns * blocks->rows; b++) {
+        const int cell[2] = {b % blocks->columns, b / blocks->columns};
+        double low[3], high[3], depth = 0;
+        unsigned mask = FRUSTUM_ALL;
+        for (int axis = 0; axis < 3; axis++) {
+            double eye = view->eye_m[axis] + step_m[axis];
+            low[axis] = axis < 2 ? blocks->origin_m[axis] + cell[axis] * blocks->size_m[axis] - eye
+                                 : shading->ranges[b].low * tiles->quantum_m + tiles->offset_m - eye;
+            high[axis] = axis < 2 ? low[axis] + blocks->size_m[axis]
+                                  : shading->ranges[b].high * tiles->quantum_m + tiles->offset_m - eye;
+            depth += view->forward[axis] * (view->forward[axis] > 0 ? low[axis] : high[axis]);
+        }
+        if (frustum_test_box(&frustum, low, high, &mask) == FRUSTUM_OUTSIDE) continue;
+        shading->coming[count++] = (struct geomipmap_need){b, fmax(depth, view->near_m)};
+    }
+    geomipmap_drape_foresee(&shading->light, shading->coming, count, view->pixels_per_tangent);
+    if (shading->colour.subs)
+        geomipmap_drape_foresee(&shading->colour, shading->coming, count, view->pixels_per_tangent);
 }
 
 static void bind_drape(const struct geomipmap_drape *drape, int block, const double eye_m[3], GLint unit,

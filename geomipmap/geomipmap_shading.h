@@ -26,7 +26,9 @@ struct geomipmap_shading {
     int *need_of;    // by block: its number in needs, or -1
     struct geomipmap_need *needs;
     int need_count;
-    int *starts; // by need, while ordering
+    int *starts;                    // by need, while ordering
+    struct geomipmap_range *ranges; // by block
+    struct geomipmap_need *coming;  // blocks of the view foreseen
     double pixels_per_tangent;
     GLint light_unit, light_place, colour_unit, colour_place; // of the program
 };
@@ -47,6 +49,10 @@ void geomipmap_shading_begin(struct geomipmap_shading *shading);
 void geomipmap_shading_add(struct geomipmap_shading *shading, struct geomipmap_selection *selection,
                            int drawn, double pixels_per_tangent);
 bool geomipmap_shading_end(struct geomipmap_shading *shading);
+
+// After end: loads ahead for a view whose eye has gone on by step_m.
+void geomipmap_shading_foresee(struct geomipmap_shading *shading, const struct geomipmap_tiles *tiles,
+                               const struct view *view, const double step_m[3]);
 
 // Binds what a block shows, for the program in use.
 void geomipmap_shading_bind(const struct geomipmap_shading *shading, int block, const double eye_m[3]);

@@ -214,6 +214,53 @@ static void ceiling_is_never_exceeded(void **state)
     }
 }
 
+// A straight flight: what is loaded ahead is not missing when it comes into view, within the same ceiling.
+static void loading_ahead_spares_the_frames(void **state)
+{
+    struct fixture *f = *state;
+    enum { FRAMES = 60 };
+    const struct terrain_info *info = terrain_info(f->terrain);
+    const double *o = info->outline_m;
+    double missing[2] = {0, 0}, most[2] = {0, 0}, bytes = 0;
+    uint64_t ahead = 0, wrong = 0, ground = 0;
+    for (int on = 0; on < 2; on++) {
+        struct renderer *renderer = create(f, &f->flat,
+                                           on ? "blend=replace texture=100 textures=1500 ahead=8"
+                                              : "blend=replace texture=100 textures=1500 ahead=0");
+        for (int k = 0; k < FRAMES; k++) {
+            double t = (double)k / FRAMES;
+            const struct camera camera = {
+                {o[0] + t * (o[2] - o[0]), o[1] + (0.1 + 0.3 * t) * (o[3] - o[1]), 800}, -0.4, -0.7, 0, 1};
+            struct view view;
+            view_init(&view, f->terrain, &camera, WIDTH, HEIGHT, 0);
+            update(renderer, &view, k);
+            double late = counter(renderer, "texture_loads") - counter(renderer, "texture_ahead");
+            if (k > 0) missing[on] += late, most[on] = fmax(most[on], late);
+            ahead += (uint64_t)counter(renderer, "texture_ahead");
+            bytes = fmax(bytes, counter(renderer, "texture_bytes"));
+            if (k % 6) continue;
+            draw(f, renderer, &view);
+            for (int i = 0; i < PIXELS; i++) {
+                const uint8_t *colour = f->colours + 4 * i;
+                if (f->places[4 * i + 3] == 0) continue;
+                ground++;
+                wrong += abs(colour[0] - 200) > 1 || abs(colour[1] - 100) > 1 || abs(colour[2] - 50) > 1;
+            }
+        }
+        geomipmap_renderer.destroy(renderer);
+    }
+    FIGURE(
+        "%d frames: %.0f sub-textures loaded when needed, at most %.0f a frame; looking ahead %.0f, at most "
+        "%.0f, and %llu before; at most %.0f bytes of %d",
+        FRAMES, missing[0], most[0], missing[1], most[1], (unsigned long long)ahead, bytes, 1500 * 1024);
+    assert_true(ahead > 0);
+    assert_true(missing[1] < missing[0]);
+    assert_true(most[1] <= most[0]);
+    assert_true(bytes <= 1500 * 1024);
+    assert_true(ground > 0);
+    assert_int_equal(wrong, 0);
+}
+
 static void static_frame_loads_nothing(void **state)
 {
     struct fixture *f = *state;
@@ -275,9 +322,8 @@ static void operators_combine_light_and_colour(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(pictures_stand_where_they_belong),
-        cmocka_unit_test(ceiling_is_never_exceeded),
-        cmocka_unit_test(static_frame_loads_nothing),
+        cmocka_unit_test(pictures_stand_where_they_belong),   cmocka_unit_test(ceiling_is_never_exceeded),
+        cmocka_unit_test(loading_ahead_spares_the_frames),    cmocka_unit_test(static_frame_loads_nothing),
         cmocka_unit_test(operators_combine_light_and_colour),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
