@@ -51,7 +51,8 @@ static void measure_finish(struct measure *measure)
 static bool measure_init(struct measure *measure, struct run *run)
 {
     size_t pixels = (size_t)run->scene->width * (size_t)run->scene->height;
-    *measure = (struct measure){.surface = truth_surface_create(run->scene->terrain)};
+    *measure =
+        (struct measure){.surface = truth_surface_create(run->truth ? run->truth : run->scene->terrain)};
     if (!measure->surface) return false;
     measure->temporal_world = malloc(TEMPORAL_PLACES * sizeof *measure->temporal_world);
     measure->previous_world = malloc(TEMPORAL_PLACES * sizeof *measure->previous_world);
@@ -269,6 +270,7 @@ static bool draw_passes(struct measure *measure, struct run *run, struct setting
     record->draw_calls = (double)counted.draw_calls;
     record->upload_bytes = (double)counted.upload_bytes;
     if (stats.resident_bytes > setting->resident_bytes) setting->resident_bytes = stats.resident_bytes;
+    if (run->truth) stats.claimed_error_px = NAN; // it promises nothing about another map
     record->claimed_px = stats.claimed_error_px;
     if (!(setting->claimed_px >= stats.claimed_error_px)) setting->claimed_px = stats.claimed_error_px;
     for (int c = 0; c < RENDERER_MAX_COUNTERS && stats.counters[c].name; c++) {
@@ -341,8 +343,8 @@ static bool record_errors(struct measure *measure, struct run *run, struct setti
     struct frame_record *record = &setting->records[i];
     struct frame_error *error = &measure->error;
     size_t pixels = (size_t)error->width * (size_t)error->height;
-    frame_error_measure(error, run->scene->terrain, &measure->view, &measure->truth, measure->positions,
-                        measure->hits, run->options.threads);
+    frame_error_measure(error, run->truth ? run->truth : run->scene->terrain, &measure->view, &measure->truth,
+                        measure->positions, measure->hits, run->options.threads);
     struct error_samples frame = {0};
     if (!error_samples_add(&frame, error->error_px, pixels) ||
         !error_samples_add(&setting->error_px, error->error_px, pixels) ||

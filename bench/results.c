@@ -116,6 +116,7 @@ static void add_scene(cJSON *root, const struct run *run)
     cJSON_AddStringToObject(json, "file", run->options.scene ? run->options.scene : "");
     cJSON_AddStringToObject(json, "sha256", scene->sha256);
     cJSON_AddStringToObject(json, "terrain", scene->terrain_name);
+    if (run->truth) cJSON_AddStringToObject(json, "truth", terrain_info(run->truth)->name);
     cJSON_AddNumberToObject(json, "samples", (double)info->samples);
     cJSON_AddNumberToObject(json, "samples_x", (double)(finest.extent.x1 - finest.extent.x0));
     cJSON_AddNumberToObject(json, "samples_y", (double)(finest.extent.y1 - finest.extent.y0));

@@ -7,6 +7,7 @@
 #include "common/report.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -39,6 +40,7 @@ static void run_finish(struct run *run)
     }
     gpu_destroy(run->gpu);
     scene_destroy(run->scene);
+    terrain_destroy(run->truth);
     free(run->order);
     free(run);
 }
@@ -79,6 +81,25 @@ static void print_summary(const struct run *run)
     if (!run->complete) printf("interrupted: what was measured is kept, marked \"complete\": false\n");
 }
 
+// Errors against the source of a packed terrain hold what the coder and what the levels of detail did,
+// together; `brute`, which draws every sample, then shows the coder's alone, and a run without --truth the
+// levels' alone.
+static bool open_truth(struct run *run)
+{
+    const char *path = run->options.truth;
+    const struct terrain_info *flown = terrain_info(run->scene->terrain), *truth;
+    run->truth = terrain_load(path, NULL);
+    if (!run->truth) return false;
+    truth = terrain_info(run->truth);
+    bool alike = truth->datum == flown->datum;
+    for (int i = 0; i < 4; i++)
+        alike &= fabs(truth->outline_m[i] - flown->outline_m[i]) <= 1e-9 * fabs(flown->outline_m[i]);
+    return alike ||
+           fail("--truth %s: lies elsewhere than the terrain that is flown; a map of the same outline and "
+                "spacing is accepted",
+                path);
+}
+
 static int fly_and_write(struct run *run)
 {
     const struct run_options *options = &run->options;
@@ -88,6 +109,7 @@ static int fly_and_write(struct run *run)
                                                     options->size[1], options->cache_mib});
     if (!run->scene || (!options->renderers && !plan_settings(run)) || !leave_out_unsupported(run))
         return EXIT_WORLD;
+    if (options->truth && !open_truth(run)) return EXIT_WORLD;
     if (!options->out) {
         snprintf(default_out, sizeof default_out, "reports/%s", run->scene->name);
         run->options.out = default_out;
@@ -122,6 +144,8 @@ int run_main(int argc, char **argv)
          0, NULL},
         {"terrain", "FILE", "any elevation file; replaces the scene's terrain, and a path is made to suit it",
          CLI_TEXT, &o->terrain, 0, 0, NULL},
+        {"truth", "FILE", "the map that errors are measured against: the source of a .relief file, say",
+         CLI_TEXT, &o->truth, 0, 0, NULL},
         {"cache-mib", "MIB",
          "of a .relief file, which stays on disk: most that is kept decoded (default: 128)", CLI_NUMBER,
          &o->cache_mib, 0.001, 1 << 20, NULL},

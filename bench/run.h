@@ -22,7 +22,7 @@
 enum { MAX_SETTINGS = 64 };
 
 struct run_options {
-    const char *scene, *terrain, *renderers, *sweep, *out, *backend;
+    const char *scene, *terrain, *truth, *renderers, *sweep, *out, *backend;
     int frames, repeats, size[2], threads, seed;
     double cache_mib;
 };
@@ -89,6 +89,7 @@ struct setting { // a renderer at one setting: a row of the report
 struct run {
     struct run_options options;
     struct scene *scene;
+    struct terrain *truth; // what errors are measured against; NULL: the finest level of what is flown
     struct gpu *gpu;
     struct gpu_target shaded, position;
     bool cpu_times; // software rasteriser: times are CPU time of the GL thread

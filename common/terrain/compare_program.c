@@ -141,7 +141,11 @@ static const struct {
     enum layout layout;
     const char *name;
     bool rms; // else a largest error, or none
-} OWN[] = {{LAYOUT_WAVELET, "relief wavelet", true}, {LAYOUT_BOUNDED, "relief bounded", false}};
+} OWN[] = {{LAYOUT_WAVELET, "relief wavelet", true},
+           {LAYOUT_BOUNDED, "relief bounded", false},
+           {LAYOUT_PYRAMID, "relief pyramid", false},
+           {LAYOUT_MARS, "relief mars (whatever the aim)", false},
+           {LAYOUT_RAW, "relief raw", false}};
 
 static double mb_a_second(double samples, double seconds)
 {

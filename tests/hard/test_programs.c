@@ -250,6 +250,34 @@ static void test_runs_repeat_bit_for_bit(void **state)
     cJSON_Delete(two);
 }
 
+static double brute_error(const char *name, const char *key)
+{
+    cJSON *results = read_results(name);
+    double error =
+        number(cJSON_GetArrayItem(cJSON_GetObjectItemCaseSensitive(results, "runs"), 0), "error_px", key);
+    cJSON_Delete(results);
+    return error;
+}
+
+// Every sample of a packed terrain drawn: no error against itself; against its source, what the coder did.
+// What a map of 2 m rms error does to a picture is not 0, and the source itself against the source is.
+static void test_errors_against_the_source(void **state)
+{
+    (void)state;
+    const char *f = folder, *command = "bench run --terrain %s/%s --renderers brute --frames 2 --repeats 1 "
+                                       "--size 160x120 --out %s/%s %s%s%s";
+    assert_int_equal(run("terrain pack %s/hills.png %s/hills.relief --rms 2", f, f), EXIT_GOOD);
+    assert_int_equal(run(command, f, "hills.relief", f, "itself", "", "", ""), EXIT_GOOD);
+    assert_int_equal(run(command, f, "hills.relief", f, "source", "--truth ", f, "/hills.png"), EXIT_GOOD);
+    assert_int_equal(run(command, f, "hills.png", f, "same", "--truth ", f, "/hills.png"), EXIT_GOOD);
+    assert_true(brute_error("itself", "max") <= 1e-3 && brute_error("same", "max") <= 1e-3);
+    assert_true(brute_error("source", "p50") > 1e-3);
+    FIGURE("--truth: brute's mean error %.1e px against itself, %.3f px against the source of rms 2 m",
+           brute_error("itself", "mean"), brute_error("source", "mean"));
+    assert_one_line(run("bench run --terrain %s/hills.relief --truth %s/nowhere.png", f, f), EXIT_WORLD,
+                    "nowhere.png");
+}
+
 // E3: on flat ground at 0, 1000 and 8848.86 m every renderer is exact: error_px max at most 1e-3.
 static void test_flat_ground_has_no_error(void **state)
 {
@@ -502,6 +530,7 @@ int main(void)
         cmocka_unit_test(test_flat_ground_has_no_error),
         cmocka_unit_test(test_runs_repeat_bit_for_bit),
         cmocka_unit_test(test_optimisation_changes_nothing),
+        cmocka_unit_test(test_errors_against_the_source),
         cmocka_unit_test(test_interrupt_keeps_results),
         cmocka_unit_test(test_papers),
         cmocka_unit_test(test_default_flight),
