@@ -148,7 +148,8 @@ bool papers_pgm_steps(struct papers *papers, struct papers_table *table)
         "blend of all eight and what eight fetches add. Fragments: whole frames whose fragments find "
         "their cells but fetch nothing, less the same with the rasteriser off (setting up triangles, "
         "filling and lighting are in it); then what two fetches of the nearest word, and what blending "
-        "the four words of each and the two levels, add.");
+        "the four words of each and the two levels, add. A step below zero is too short for the "
+        "differences of this machine's times.");
     papers_note(table,
                 "Printed shares: the fragment column's 6, 21 and 73 %% should read 4, 17 and 79 %% of its "
                 "3.98 ms.");
