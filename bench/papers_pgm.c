@@ -181,10 +181,10 @@ bool papers_pgm_extension(struct papers *papers, struct papers_table *table)
         for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
             double *values =
                 papers_row(table, "%.0f degrees, of the %s", rows[i].angle, plane ? "image plane" : "angle");
-            double lower =
-                fmin(rows[i].angle * degree + field / 2, half_pi); // of the window, below the horizon
+            double lower = rows[i].angle * degree + field / 2; // of the window, below the horizon
+            double distance = lower < half_pi - 1e-9 ? 1 / tan(lower) : 0;
             for (int r = 0; r < 4; r++) {
-                double gamma = pgm_extension_stable(1, 1 / tan(lower), ratios[r]);
+                double gamma = pgm_extension_stable(1, distance, ratios[r]);
                 double share =
                     plane ? (tan(field / 2 + gamma) - tan(field / 2)) / (2 * tan(field / 2)) : gamma / field;
                 values[2 * r] = rows[i].printed[r];
