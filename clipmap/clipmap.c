@@ -63,8 +63,11 @@ static const struct renderer_knob knobs[] = {
     {"normals",
      "shading own: what picks the resolution of normals, the level blended as the geometry, or mipmaps",
      CLIPMAP_LOD_LEVEL, 0, 1, "level|mipmap"},
-    {"anisotropy", "shading own: most samples of a normal's filter along a slanted pixel, 1 for none", 1, 1,
-     16, NULL},
+    {"anisotropy",
+     "shading own: most samples of a normal's filter along a slanted pixel, 1 for none; 0: 8, which "
+     "near-level "
+     "views want, but 1 on a software renderer, where it multiplies the cost",
+     0, 0, 16, NULL},
     {"trigonometry",
      "over a sphere: where vertices sample, in stable half angles, by acos in float, or as published",
      SPHERE_STABLE, 0, 2, "stable|corrected|published"},
@@ -573,9 +576,10 @@ static bool init(struct clipmap *c, const struct renderer_desc *desc)
     c->frame = -1;
     c->realtime = desc->realtime;
     c->own_shading = desc->effects->shading == SCENE_SHADING_OWN;
-    c->shading_rules =
-        (struct clipmap_shading_rules){(enum clipmap_lod)desc->knobs[KNOB_NORMALS],
-                                       clipmap_shading_anisotropy((int)desc->knobs[KNOB_ANISOTROPY])};
+    int anisotropy = (int)desc->knobs[KNOB_ANISOTROPY];
+    if (anisotropy < 1) anisotropy = gpu_info(c->gpu)->software ? 1 : 8;
+    c->shading_rules = (struct clipmap_shading_rules){(enum clipmap_lod)desc->knobs[KNOB_NORMALS],
+                                                      clipmap_shading_anisotropy(anisotropy)};
     if (!set_shape(c, desc->knobs)) return false;
     int rows = c->choice.layout == CLIPMAP_LAYOUT_STRIPS ? c->shape.size : 0; // a column's at most
     if (!clipmap_mesh_init(&c->mesh, rows) || !clipmap_scratch_init(&c->scratch, c->shape.size) ||
