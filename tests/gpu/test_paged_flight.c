@@ -109,7 +109,7 @@ static struct scene *open_world(int64_t frame_samples)
 // Flies to a place with what arrives late, rests there, and looks.
 static void look_at_rest(struct fixture *f, int r, int64_t frame_samples, int from, int to, uint8_t *picture)
 {
-    enum { FRAMES = 300, MOST_REST = 80 };
+    enum { FRAMES = 300, REST = 120 };
     struct scene *scene = open_world(frame_samples);
     struct renderer_desc desc = {.gpu = f->gpu,
                                  .terrain = scene->terrain,
@@ -122,8 +122,7 @@ static void look_at_rest(struct fixture *f, int r, int64_t frame_samples, int fr
         scene_view(scene, frame, FRAMES, &view);
         draw_frame(f, scene, renderer, frame, &view, NULL);
     }
-    for (int k = 1; k <= (from < to ? MOST_REST : 1); k++)
-        draw_frame(f, scene, renderer, to + k, &view, k == (from < to ? MOST_REST : 1) ? picture : NULL);
+    for (int k = 1; k <= REST; k++) draw_frame(f, scene, renderer, to + k, &view, k == REST ? picture : NULL);
     FLOWN[r].type->destroy(renderer);
     scene_destroy(scene);
 }
