@@ -247,16 +247,28 @@ static void add_block(struct block_selection *selection, GLsizei count, size_t f
     selection->triangles += (uint64_t)count / 3;
 }
 
-static bool is_visible(const struct clipmap_sphere *s, const struct sphere_view *own,
-                       const struct frustum *frustum, const int ring[2], const int azimuth[2])
+// Heights over the datum that rings from `outer` inwards to `inner` may have: those of the levels they
+// sample.
+static void part_heights(const struct clipmap_sphere *s, const struct sphere_view *own, int outer, int inner,
+                         double *low_m, double *high_m)
 {
     const struct terrain_info *info = terrain_info(s->terrain);
-    double low[3], high[3], low_m = info->offset_m + info->quantum_m * info->min_q;
-    unsigned mask = FRUSTUM_ALL;
-    if (!s->choice.cull) return true;
-    sphere_block_box(&s->rings, &own->view, own->turn, ring, azimuth, low_m,
-                     info->offset_m + info->quantum_m * info->max_q, low, high);
-    return frustum_test_box(frustum, low, high, &mask) != FRUSTUM_OUTSIDE;
+    double angle = sphere_ring_angle(&s->rings, outer), least = sphere_ring_angle(&s->rings, inner);
+    int from = least > 0 ? (int)floor(sphere_level_at(&s->shape, least)) : own->finest_there;
+    int to = (int)floor(sphere_level_at(&s->shape, angle)) + 1;
+    int32_t low_q = INT32_MAX, high_q = INT32_MIN;
+    if (from < own->finest_there) from = own->finest_there;
+    if (from > s->shape.coarsest) from = s->shape.coarsest;
+    if (to > s->shape.coarsest) to = s->shape.coarsest;
+    for (int level = from; level <= (to > from ? to : from); level++) {
+        int32_t low, high;
+        sphere_cap_bounds(&s->shape, s->terrain, level, &own->stores[level - s->shape.finest].held,
+                          own->view.eye_place, angle, &low, &high);
+        low_q = low < low_q ? low : low_q;
+        high_q = high > high_q ? high : high_q;
+    }
+    *low_m = info->offset_m + info->quantum_m * low_q;
+    *high_m = info->offset_m + info->quantum_m * high_q;
 }
 
 // The blocks of one part, a sector each.
@@ -264,10 +276,15 @@ static void select_sectors(struct clipmap_sphere *s, struct sphere_view *own, co
                            int outer, int inner, GLsizei count, size_t first_index)
 {
     int across = s->rings.azimuths / SPHERE_SECTORS;
+    double low_m = 0, high_m = 0;
+    if (s->choice.cull) part_heights(s, own, outer, inner, &low_m, &high_m);
     for (int sector = 0; sector < SPHERE_SECTORS; sector++) {
         int ring[2] = {outer, inner}, azimuth[2] = {sector * across, (sector + 1) * across};
+        double low[3], high[3];
+        unsigned mask = FRUSTUM_ALL;
         own->selection.blocks++;
-        if (is_visible(s, own, frustum, ring, azimuth))
+        sphere_block_box(&s->rings, &own->view, own->turn, ring, azimuth, low_m, high_m, low, high);
+        if (!s->choice.cull || frustum_test_box(frustum, low, high, &mask) != FRUSTUM_OUTSIDE)
             add_block(&own->selection, count, first_index, outer * s->row + azimuth[0]);
     }
 }

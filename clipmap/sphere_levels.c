@@ -98,6 +98,19 @@ void sphere_window_origin(const struct sphere_shape *shape, int level, const str
     }
 }
 
+void sphere_cap_bounds(const struct sphere_shape *shape, const struct terrain *terrain, int level,
+                       const struct sphere_window *window, const double place_m[2], double angle,
+                       int32_t *low_q, int32_t *high_q)
+{
+    double spacing_m = ldexp(shape->spacing_m[1], level), column_m = ldexp(shape->spacing_m[0], level);
+    double half = half_longitude(angle, place_m[1] / shape->radius_m) * shape->radius_m / column_m;
+    int64_t beyond = ((int64_t)2 << window->decimation) + 1; // columns that the outer texels stand for
+    int64_t x = (int64_t)floor(place_m[0] / column_m), y = (int64_t)floor(place_m[1] / spacing_m);
+    int64_t reach = isnan(half) ? turn_of(shape, level) : (int64_t)ceil(half) + beyond;
+    int64_t rows = (int64_t)ceil(angle * shape->radius_m / spacing_m) + 2;
+    terrain_bounds(terrain, level, x - reach, y - rows, x + reach + 1, y + rows + 1, low_q, high_q);
+}
+
 // ---- reading ---------------------------------------------------------------
 
 // The mean of 2^p columns and half of the one beyond them on either side.

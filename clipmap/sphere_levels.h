@@ -57,6 +57,11 @@ uint64_t sphere_store_move(struct sphere_store *store, const struct sphere_shape
                            uint64_t budget, float *heights, int32_t *columns, sphere_write_fn *write,
                            void *user, bool *whole);
 
+// Bounds, in quanta, of the heights that a window's texels give within an angle of a viewer.
+void sphere_cap_bounds(const struct sphere_shape *shape, const struct terrain *terrain, int level,
+                       const struct sphere_window *window, const double place_m[2], double angle,
+                       int32_t *low_q, int32_t *high_q);
+
 // The height of one texel: a sample, or the mean over the columns it stands for.
 void sphere_read_texels(const struct sphere_shape *shape, const struct terrain *terrain, int level,
                         int decimation, const struct clipmap_box *box, float *heights, int32_t *columns);

@@ -13,7 +13,7 @@
 
 #include <stdbool.h>
 
-enum { SPHERE_OCTAVES = 34, SPHERE_SECTORS = 16 }; // 34 octaves reach from half a turn to 1 mm on Earth
+enum { SPHERE_OCTAVES = 34, SPHERE_SECTORS = 32 }; // 34 octaves reach from half a turn to 1 mm on Earth
 
 struct sphere_rings {
     int azimuths;  // vertices of a ring, a multiple of SPHERE_SECTORS

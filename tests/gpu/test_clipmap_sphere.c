@@ -1,0 +1,292 @@
+// The clipmap over a planet, drawn off screen and held against the ray caster.
+// SPDX-License-Identifier: MIT
+#include "bench/error.h"
+#include "bench/flat.h"
+#include "clipmap/clipmap.h"
+#include "common/view/path.h"
+#include "tests/gpu/settings.h"
+
+static const double RADIUS = 6371007, DEGREE = M_PI / 180;
+static const struct scene_effects effects = {.shading = SCENE_SHADING_COMMON};
+
+enum { WIDTH = 96, HEIGHT = 72, PIXELS = WIDTH * HEIGHT, COLUMNS = 512 };
+
+struct fixture {
+    struct gpu *gpu;
+    struct gpu_target target;
+    float (*pixels)[4], (*others)[4];
+};
+
+static int setup(void **state)
+{
+    struct fixture *f = calloc(1, sizeof *f);
+    *state = f;
+    f->gpu = gpu_create(GPU_OFFSCREEN, 0, 0, "test", 0);
+    f->pixels = malloc(PIXELS * sizeof *f->pixels);
+    f->others = malloc(PIXELS * sizeof *f->others);
+    return f->gpu && f->pixels && f->others && gpu_target_init(f->gpu, &f->target, WIDTH, HEIGHT, GL_RGBA32F)
+               ? 0
+               : -1;
+}
+
+static int teardown(void **state)
+{
+    struct fixture *f = *state;
+    uint64_t errors = gpu_debug_errors(f->gpu);
+    gpu_target_finish(&f->target);
+    gpu_destroy(f->gpu);
+    free(f->pixels);
+    free(f->others);
+    free(f);
+    return errors ? -1 : 0;
+}
+
+static struct terrain *planet(int finer)
+{
+    enum { ROWS = COLUMNS / 2 + 1 };
+    int32_t *samples = malloc((size_t)COLUMNS * ROWS * sizeof *samples);
+    for (int k = 0; k < COLUMNS * ROWS; k++) {
+        double longitude = 2 * M_PI * (k % COLUMNS) / COLUMNS,
+               latitude = M_PI * (k / COLUMNS) / (ROWS - 1) - M_PI / 2;
+        double x = cos(latitude) * cos(longitude), y = cos(latitude) * sin(longitude), z = sin(latitude);
+        samples[k] = (int32_t)lrint(2500 * sin(9 * x + 2 * y) * cos(6 * z - y) +
+                                    700 * sin(45 * x * y + 35 * z) * cos(38 * z - 20 * x));
+    }
+    struct terrain_grid grid = {.name = "planet",
+                                .samples = samples,
+                                .width = COLUMNS,
+                                .height = ROWS,
+                                .first = {-COLUMNS / 2, 0},
+                                .spacing_m = {1, 1},
+                                .quantum_m = 1};
+    struct terrain_options options = {.radius_m = RADIUS, .synthesize_levels = finer, .seed = 2};
+    struct terrain *terrain = terrain_from_grid(&grid, &options);
+    free(samples);
+    assert_non_null(terrain);
+    return terrain;
+}
+
+static struct renderer *create(const struct fixture *f, const struct terrain *terrain, const char *settings)
+{
+    struct renderer_desc desc = {
+        .gpu = f->gpu, .terrain = terrain, .effects = &effects, .width = WIDTH, .height = HEIGHT};
+    return create_with(&clipmap_renderer, desc, settings);
+}
+
+static void draw(const struct fixture *f, struct renderer *renderer, const struct terrain *terrain,
+                 const struct view *view, int frame, float (*pixels)[4])
+{
+    clipmap_renderer.begin_frame(renderer, frame);
+    assert_true(clipmap_renderer.update(renderer, view, 1));
+    gpu_set_view(f->gpu, terrain, view);
+    gpu_target_begin(f->gpu, &f->target);
+    clipmap_renderer.draw(renderer, 0, PASS_POSITION);
+    gpu_target_read(f->gpu, &f->target, pixels);
+}
+
+struct feeding {
+    double radius_m;
+    struct places *places;
+};
+
+static void feed(const float *triangles, size_t count, void *user)
+{
+    const struct feeding *feeding = user;
+    flat_feed(feeding->radius_m, triangles, count, feeding->places);
+}
+
+// From a man's height to three radii and back, over both poles and the 180th meridian, against the caster.
+static void a_flight_has_no_holes(void **state)
+{
+    struct fixture *f = *state;
+    struct terrain *terrain = planet(14);
+    struct renderer *renderer = create(f, terrain, "n=127");
+    struct truth_surface *surface = truth_surface_create(terrain);
+    int frames = test_size(9, 400);
+    struct path *path = path_for_terrain(terrain, frames, 60 * DEGREE);
+    struct truth truth;
+    struct frame_error error;
+    truth_init(&truth, WIDTH, HEIGHT);
+    frame_error_init(&error, WIDTH, HEIGHT);
+    uint64_t holes = 0, ground = 0, order = 0, broken = 0, misses = 0;
+    double sum = 0;
+    for (int frame = 0; frame < frames; frame++) {
+        struct camera camera = path_camera(path, frame, frames);
+        struct view view;
+        view_init(&view, terrain, &camera, WIDTH, HEIGHT, 0);
+        draw(f, renderer, terrain, &view, frame, f->pixels);
+        truth_cast(&truth, surface, &view, 0);
+        struct feeding feeding = {view.radius_m, truth_places(&truth, 0)};
+        assert_true(gpu_capture_begin(f->gpu, feed, &feeding));
+        clipmap_renderer.draw(renderer, 0, PASS_POSITION);
+        gpu_capture_end(f->gpu);
+        frame_error_measure(&error, terrain, &view, &truth, &f->pixels[0][0], feeding.places, 0);
+        holes += error.holes, ground += error.ground, order += error.order_mismatches, misses += error.misses;
+        for (int p = 0; p < PIXELS; p++) {
+            broken += !(isfinite(f->pixels[p][0]) && isfinite(f->pixels[p][1]) && isfinite(f->pixels[p][2]));
+            if (error.kind[p] == PIXEL_GROUND && isfinite((double)error.error_px[p]))
+                sum += (double)error.error_px[p];
+        }
+        places_destroy(feeding.places);
+    }
+    FIGURE("flight of %d frames, 1.7 m to 3 radii: %d holes, %d not finite, %d misses, %d other surfaces of "
+           "%d ground pixels, mean "
+           "error %.4f px",
+           frames, (int)holes, (int)broken, (int)misses, (int)order, (int)ground, sum / (double)ground);
+    assert_int_equal(holes, 0);
+    assert_int_equal(broken, 0);
+    assert_true((double)misses <= 0.01 * (double)ground && sum / (double)ground < 0.5);
+    frame_error_finish(&error);
+    truth_finish(&truth);
+    path_destroy(path);
+    truth_surface_destroy(surface);
+    clipmap_renderer.destroy(renderer);
+    terrain_destroy(terrain);
+}
+
+static double apart_px(const struct view *view, const float a[4], const float b[4])
+{
+    double depth = 0, sum = 0;
+    for (int k = 0; k < 3; k++) {
+        depth += view->forward[k] * (double)a[k];
+        sum += ((double)a[k] - (double)b[k]) * ((double)a[k] - (double)b[k]);
+    }
+    return view->pixels_per_tangent * sqrt(sum) / depth;
+}
+
+// D4: a turn more of longitude is the same picture, at the seam and at a pole.
+static void a_turn_more_is_the_same_picture(void **state)
+{
+    struct fixture *f = *state;
+    struct terrain *terrain = planet(6);
+    static const double PLACES[3][2] = {{180, 20}, {-179.99, -40}, {30, 89.95}};
+    double worst = 0;
+    int sky = 0;
+    for (int k = 0; k < 3; k++)
+        for (int turn = -2; turn <= 2; turn += 4) {
+            struct view views[2];
+            for (int i = 0; i < 2; i++) {
+                struct camera camera = {{(PLACES[k][0] + 360 * turn * i) * DEGREE * RADIUS,
+                                         PLACES[k][1] * DEGREE * RADIUS, 20000},
+                                        0.7,
+                                        -0.6,
+                                        0,
+                                        60 * DEGREE};
+                struct renderer *renderer = create(f, terrain, "n=127");
+                view_init(&views[i], terrain, &camera, WIDTH, HEIGHT, 0);
+                draw(f, renderer, terrain, &views[i], 0, i ? f->others : f->pixels);
+                clipmap_renderer.destroy(renderer);
+            }
+            for (int p = 0; p < PIXELS; p++) {
+                sky += (f->pixels[p][3] > 0) != (f->others[p][3] > 0);
+                if (f->pixels[p][3] > 0 && f->others[p][3] > 0)
+                    worst = fmax(worst, apart_px(&views[0], f->pixels[p], f->others[p]));
+            }
+        }
+    FIGURE("D4: pictures a turn apart differ by at most %.2e px, %d pixels of sky", worst, sky);
+    assert_int_equal(sky, 0);
+    assert_true(worst <= 0.05);
+    terrain_destroy(terrain);
+}
+
+// Culling leaves the picture as it is, and at 90 degrees at most 0.3 of the vertices.
+static void culling_is_right_and_pays(void **state)
+{
+    struct fixture *f = *state;
+    struct terrain *terrain = planet(10);
+    struct renderer *all = create(f, terrain, "n=127 cull=off"), *culled = create(f, terrain, "n=127");
+    double share = 0;
+    int different = 0, views = test_size(8, 500);
+    uint64_t seed = 4;
+    for (int k = 0; k < views; k++) {
+        double height_m = exp(test_uniform(&seed, log(5), log(1e5)));
+        struct camera camera = {{test_uniform(&seed, -M_PI, M_PI) * RADIUS,
+                                 asin(test_uniform(&seed, -1, 1)) * RADIUS, 3500 + height_m},
+                                test_uniform(&seed, -M_PI, M_PI),
+                                test_uniform(&seed, -0.2, 0.05),
+                                0,
+                                2 * atan(0.75)};
+        struct view view; // 90 degrees across at 4:3
+        struct renderer_stats stats[2];
+        view_init(&view, terrain, &camera, WIDTH, HEIGHT, 0);
+        draw(f, all, terrain, &view, 0, f->pixels);
+        draw(f, culled, terrain, &view, 0, f->others);
+        different += memcmp(f->pixels, f->others, PIXELS * sizeof *f->pixels) != 0;
+        clipmap_renderer.stats(all, &stats[0]);
+        clipmap_renderer.stats(culled, &stats[1]);
+        share += (double)stats[1].triangles / (double)stats[0].triangles / views;
+    }
+    FIGURE("culling: %.3f of the triangles at 90 degrees, %d of %d pictures differ", share, different, views);
+    assert_int_equal(different, 0);
+    assert_true(share <= 0.3);
+    clipmap_renderer.destroy(all);
+    clipmap_renderer.destroy(culled);
+    terrain_destroy(terrain);
+}
+
+// Distance of a drawn point from the surface that both draw, projected.
+static double off_plane_px(const struct terrain *plane, const struct view *view, const float drawn[4])
+{
+    const struct terrain_info *info = terrain_info(plane);
+    double height = 0, depth = 0, slope[2] = {0, 0};
+    for (int k = 0; k < 3; k++) depth += view->forward[k] * (double)drawn[k];
+    assert_true(terrain_truth_at(plane, view->eye_place[0] + (double)drawn[0],
+                                 view->eye_place[1] + (double)drawn[1], &height, slope));
+    double off_m = (double)drawn[2] + view->eye_place[2] - (height * info->quantum_m + info->offset_m);
+    double east = slope[0] * info->quantum_m, north = slope[1] * info->quantum_m;
+    return view->pixels_per_tangent * fabs(off_m) / sqrt(1 + east * east + north * north) / depth;
+}
+
+// Where curvature is below it, the planet's clipmap draws what the plane's draws: the same samples on the
+// equator, seen from 60 m.  The two distances from the surface are added.
+static void plane_and_sphere_agree(void **state)
+{
+    enum { SIDE = 513 };
+    struct fixture *f = *state;
+    struct terrain *sphere = planet(16);
+    const struct terrain_info *info = terrain_info(sphere);
+    static int32_t samples[SIDE * SIDE];
+    terrain_window(sphere, info->finest, -SIDE / 2, -SIDE / 2, SIDE, SIDE, samples, TERRAIN_WAIT);
+    struct terrain_grid grid = {
+        .name = "plane",
+        .samples = samples,
+        .width = SIDE,
+        .height = SIDE,
+        .first = {-SIDE / 2, -SIDE / 2},
+        .spacing_m = {ldexp(info->spacing_m[0], info->finest), ldexp(info->spacing_m[1], info->finest)},
+        .quantum_m = info->quantum_m,
+        .offset_m = info->offset_m};
+    struct terrain *plane = terrain_from_grid(&grid, NULL);
+    double q, worst = 0;
+    terrain_truth_at(plane, 0, 0, &q, NULL);
+    struct camera camera = {
+        {0, 0, q * info->quantum_m + info->offset_m + 60}, 0.4, -70 * DEGREE, 0, 60 * DEGREE};
+    const struct terrain *both[2] = {plane, sphere};
+    struct view views[2];
+    for (int i = 0; i < 2; i++) {
+        struct renderer *renderer = create(f, both[i], i ? "n=1023" : "n=255");
+        view_init(&views[i], both[i], &camera, WIDTH, HEIGHT, 1);
+        draw(f, renderer, both[i], &views[i], 0, i ? f->others : f->pixels);
+        clipmap_renderer.destroy(renderer);
+    }
+    for (int p = 0; p < PIXELS; p++) {
+        assert_true(f->pixels[p][3] > 0 && f->others[p][3] > 0);
+        worst = fmax(worst, off_plane_px(plane, &views[0], f->pixels[p]) +
+                                off_plane_px(plane, &views[1], f->others[p]));
+    }
+    FIGURE("plane and sphere: at most %.4f px apart over %d pixels", worst, PIXELS);
+    assert_true(worst <= 0.05);
+    terrain_destroy(plane);
+    terrain_destroy(sphere);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_turn_more_is_the_same_picture),
+        cmocka_unit_test(culling_is_right_and_pays),
+        cmocka_unit_test(plane_and_sphere_agree),
+        cmocka_unit_test(a_flight_has_no_holes),
+    };
+    return cmocka_run_group_tests(tests, setup, teardown);
+}
