@@ -206,6 +206,7 @@ static void add_reasons(cJSON *run_json, const struct run *run, const struct set
     for (int m = 0; unmeasured && m < COUNT(measures); m++)
         cJSON_AddStringToObject(reasons, measures[m], unmeasured);
     const char *unpromised = unmeasured                   ? unmeasured
+                             : run->truth                 ? "errors are measured against another map"
                              : isnan(setting->claimed_px) ? "this method claims no bound"
                                                           : NULL;
     static const char *const promises[] = {"claimed_px", "claim_broken_frames", "tightness"};
