@@ -203,8 +203,9 @@ static void upload_tile(struct geomipmap *g, const struct geomipmap_pick *pick, 
     struct texel texel = {.cell = {place.column * size, place.row * size}, .height = place.height};
     size_t bytes = (size_t)g->tile_vertices * g->vertex_bytes;
     const void *data = g->heights;
-    geomipmap_tiles_read(tiles, g->reader, place, tiles->filtered ? &pick->form : NULL, g->heights);
-    if (tiles->filtered) g->forms[slot] = pick->form;
+    struct geomipmap_form form = geomipmap_pick_form(pick);
+    geomipmap_tiles_read(tiles, g->reader, place, tiles->filtered ? &form : NULL, g->heights);
+    if (tiles->filtered) g->forms[slot] = form;
     if (!tiles->wide) {
         texel.base = geomipmap_tiles_range(tiles, place).low;
         for (int i = 0; i < g->tile_vertices; i++) g->heights_16[i] = (uint16_t)(g->heights[i] - texel.base);
@@ -306,7 +307,8 @@ static int slot_key(const struct geomipmap *g, const struct geomipmap_view *view
 
 static bool changed_form(struct geomipmap *g, const struct geomipmap_pick *pick, int slot)
 {
-    if (!g->tiles.filtered || memcmp(&g->forms[slot], &pick->form, sizeof pick->form) == 0) return false;
+    struct geomipmap_form form = geomipmap_pick_form(pick);
+    if (!g->tiles.filtered || memcmp(&g->forms[slot], &form, sizeof form) == 0) return false;
     g->reformed++;
     return true;
 }
@@ -322,7 +324,7 @@ static int gather(struct geomipmap *g, struct geomipmap_view *view, int start)
         int slot;
         enum geomipmap_found found = geomipmap_cache_find(&g->cache, slot_key(g, view, pick), &slot);
         if (found == GEOMIPMAP_FULL) break;
-        if (slot >= g->room) resize_slots(g, g->room + g->room / 4);
+        if (slot >= g->room) resize_slots(g, g->room + g->room / 8);
         if (!reserve_forms(g) || !reserve_morphs(g, view)) break;
         if (found == GEOMIPMAP_MISS || changed_form(g, pick, slot)) upload_tile(g, pick, slot);
         add_draws(g, view, pick, slot);

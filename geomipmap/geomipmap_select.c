@@ -225,7 +225,7 @@ static void add_pick(struct scan *scan, struct geomipmap_place place, struct gra
                      enum frustum_side side)
 {
     struct geomipmap_selection *selection = scan->selection;
-    if (selection->listed == selection->room && !reserve(selection, 2 * selection->room)) {
+    if (selection->listed == selection->room && !reserve(selection, selection->room + selection->room / 4)) {
         scan->failed = true;
         return;
     }
@@ -235,7 +235,7 @@ static void add_pick(struct scan *scan, struct geomipmap_place place, struct gra
               (side == FRUSTUM_INSIDE ? GEOMIPMAP_WITHIN_VIEW : 0);
     struct geomipmap_pick *pick = &selection->list[index];
     *pick = (struct geomipmap_pick){.place = place,
-                                    .level = grade.level,
+                                    .level = (uint8_t)grade.level,
                                     .morph = grade.morph,
                                     .depth_m = (float)grade.depth_m,
                                     .seen = seen,
@@ -483,7 +483,7 @@ static void choose_set(const struct scan *scan, struct geomipmap_pick *pick)
             pick->hem[side] = (struct geomipmap_hem){(uint8_t)neighbours[side], cover.morph};
         }
     }
-    pick->set = geomipmap_mesh_set(scan->tiles->bits, scan->borders, pick->level, neighbours);
+    pick->set = (uint16_t)geomipmap_mesh_set(scan->tiles->bits, scan->borders, pick->level, neighbours);
 }
 
 // Entry of a place between tiles of height 0.
@@ -536,14 +536,19 @@ static void choose_forms(const struct scan *scan)
             *corner_step(scan, selection->picks[k].place, corner) = GEOMIPMAP_NOTHING;
     for (int k = 0; k < selection->count; k++) end_sides(scan, &selection->picks[k]);
     for (int k = 0; k < selection->count; k++) cross_sides(scan, &selection->picks[k]);
-    for (int k = 0; k < selection->count; k++) {
-        struct geomipmap_pick *pick = &selection->picks[k];
-        pick->form.inside = (uint8_t)(pick->place.height + pick->level);
-        for (int n = 0; n < GEOMIPMAP_SIDES; n++) {
-            pick->form.side[n] = (uint8_t)side_step(pick, n);
-            pick->form.corner[n] = *corner_step(scan, pick->place, n);
-        }
+    for (int k = 0; k < selection->count; k++)
+        for (int n = 0; n < GEOMIPMAP_SIDES; n++)
+            selection->picks[k].corner[n] = *corner_step(scan, selection->picks[k].place, n);
+}
+
+struct geomipmap_form geomipmap_pick_form(const struct geomipmap_pick *pick)
+{
+    struct geomipmap_form form = {.inside = (uint8_t)(pick->place.height + pick->level)};
+    for (int n = 0; n < GEOMIPMAP_SIDES; n++) {
+        form.side[n] = (uint8_t)side_step(pick, n);
+        form.corner[n] = pick->corner[n];
     }
+    return form;
 }
 
 static void choose_sets(struct scan *scan)

@@ -34,21 +34,24 @@ enum geomipmap_way {           // how a tile may be drawn
     GEOMIPMAP_WAYS = 4,
 };
 
-struct geomipmap_pick {
+struct geomipmap_pick { // there may be one for every tile of the map: small
     struct geomipmap_place place;
-    int level;
-    int set;               // geomipmap_mesh_set
-    float depth_m;         // of what is seen of its box, the least, or less
+    float depth_m; // of what is seen of its box, the least, or less
+    int next;      // while selecting: the pick after this one
+    uint16_t set;  // geomipmap_mesh_set
+    uint8_t level;
     bool seen;             // the frustum meets it
     uint8_t way;           // of enum geomipmap_way
-    int next;              // while selecting: the pick after this one
     uint8_t morph;         // way from its level to the next coarser, in steps of 1 / GEOMIPMAP_MORPHED
     struct geomipmap_hem { // a side as drawn
         uint8_t level;     // whose vertices it has, counted as the tile's own
         uint8_t morph;     // of that level
     } hem[GEOMIPMAP_SIDES];
-    struct geomipmap_form form; // of filtered tiles
+    uint8_t corner[GEOMIPMAP_SIDES]; // of filtered tiles: geomipmap_form
 };
+
+// Of a pick of filtered tiles.
+struct geomipmap_form geomipmap_pick_form(const struct geomipmap_pick *pick);
 
 struct geomipmap_choice { // how to select; the same for all frames
     enum geomipmap_metric metric;
