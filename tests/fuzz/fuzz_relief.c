@@ -38,8 +38,11 @@ static void mend_tiles(uint8_t *data, size_t size)
     struct relief_header h;
     struct grid grid;
     if (size < RELIEF_HEADER || relief_header_read(&h, data)) return;
+    const uint64_t parts[4] = {h.payload_bytes, h.base_bytes, h.index_bytes, h.side_bytes};
+    uint64_t left = size - RELIEF_HEADER;
+    for (int i = 0; i < 4; left -= parts[i++])
+        if (parts[i] > left) return;
     uint64_t index = RELIEF_HEADER + h.payload_bytes + h.base_bytes, side = index + h.index_bytes;
-    if (side > size || h.side_bytes > size - side) return;
     grid_init(&grid, h.size[0], h.size[1]);
     struct relief_reader sizes = {data + index, data + side, false};
     struct relief_reader sides = {data + side, data + side + h.side_bytes, false};
