@@ -57,7 +57,8 @@ static void choose_regions(struct pack *p)
     int most = p->options->threads > 0 ? p->options->threads : parallel_processors();
     if (most > MOST_THREADS) most = MOST_THREADS;
     size_t taken = (size_t)pack_samples_of(&p->coder.grid, p->stages[p->stage_count - 1].coarse) * TOP_BYTES;
-    size_t budget = memory_of(p) > taken ? memory_of(p) - taken : 0;
+    size_t most_bytes = memory_of(p) / 8 * 7; // the rest: the program, the index, what is read and written
+    size_t budget = most_bytes > taken ? most_bytes - taken : 0;
     double best = 0;
     int first = p->region ? p->region : SMALLEST_REGION, last = p->region ? p->region : LARGEST_REGION;
     for (int side = first; side <= last; side *= 2) {
