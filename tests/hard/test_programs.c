@@ -193,7 +193,10 @@ static void test_bad_input_is_one_line(void **state)
     assert_one_line(run("bench papers --out /proc/relief"), EXIT_WORLD, "/proc/relief");
     assert_one_line(run("bench run --sweep slow --out %s/bad", f), EXIT_COMMAND_LINE, "--sweep");
     assert_one_line(run("bench run --frames 0 --out %s/bad", f), EXIT_COMMAND_LINE, "--frames");
-    assert_one_line(run("bench fly"), EXIT_COMMAND_LINE, "fly");
+    assert_one_line(run("bench soar"), EXIT_COMMAND_LINE, "soar");
+    assert_one_line(run("bench fly --frames 0"), EXIT_COMMAND_LINE, "--frames");
+    assert_one_line(run("bench fly --renderers roam"), EXIT_COMMAND_LINE, "roam");
+    assert_one_line(run("bench fly --terrain %s/missing.png", f), EXIT_WORLD, "missing.png");
     assert_one_line(run("bench run --terrain %s/hills.png --backend glfw --out %s/bad", f, f), EXIT_WORLD,
                     "glfw");
     assert_one_line(run("clipmap --headless --terrain %s/missing.png", f), EXIT_WORLD, "missing.png");
