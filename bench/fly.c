@@ -236,18 +236,6 @@ static int fly_all(struct run *run, int look_every)
     return !good ? EXIT_WORLD : interrupted ? EXIT_INTERRUPTED : EXIT_GOOD;
 }
 
-static void finish(struct run *run)
-{
-    for (int s = 0; s < run->setting_count; s++) setting_finish(&run->settings[s]);
-    if (run->gpu) {
-        gpu_target_finish(&run->shaded);
-        gpu_target_finish(&run->position);
-    }
-    gpu_destroy(run->gpu);
-    scene_destroy(run->scene);
-    free(run);
-}
-
 int fly_main(int argc, char **argv)
 {
     struct run *run = calloc(1, sizeof *run);
@@ -289,6 +277,6 @@ int fly_main(int argc, char **argv)
             code = fly_all(run, look_every);
         }
     }
-    finish(run);
+    run_finish(run);
     return code;
 }

@@ -31,7 +31,7 @@ static void note_command(struct run *run, int argc, char **argv)
                                    argv[i]);
 }
 
-static void run_finish(struct run *run)
+void run_finish(struct run *run)
 {
     for (int s = 0; s < run->setting_count; s++) setting_finish(&run->settings[s]);
     if (run->gpu) {

@@ -113,6 +113,7 @@ bool create_renderers(struct run *run);
 bool fly_timed(struct run *run);
 bool measure_errors(struct run *run);
 bool write_results(struct run *run, const char *folder);
+void run_finish(struct run *run); // with all that it holds; accepts one that is only zeroed
 
 int run_main(int argc, char **argv); // the subcommand; returns the exit code
 

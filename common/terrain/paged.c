@@ -20,19 +20,6 @@ enum {
 #define NOISE_REACH 8.3  // |deviate| is smaller (synthesis.h)
 #define OVERSHOOT 0.2813 // of U, as a share of the range, on either side (numerics.md, B11)
 
-static int64_t smaller(int64_t a, int64_t b)
-{
-    return a < b ? a : b;
-}
-static int64_t larger(int64_t a, int64_t b)
-{
-    return a > b ? a : b;
-}
-static int64_t clamp(int64_t value, int64_t low, int64_t high)
-{
-    return value < low ? low : value > high ? high : value;
-}
-
 struct bounds {
     int64_t low, high;
 };

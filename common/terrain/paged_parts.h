@@ -11,6 +11,19 @@
 
 #include <stdatomic.h>
 
+static inline int64_t smaller(int64_t a, int64_t b)
+{
+    return a < b ? a : b;
+}
+static inline int64_t larger(int64_t a, int64_t b)
+{
+    return a > b ? a : b;
+}
+static inline int64_t clamp(int64_t value, int64_t low, int64_t high)
+{
+    return value < low ? low : value > high ? high : value;
+}
+
 enum { PAGED_MAX_WORKERS = 16, PAGED_REQUESTS = 4096 };
 
 struct paged_map {                  // one level

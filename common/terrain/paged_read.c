@@ -17,19 +17,6 @@ enum {
 };
 #define DEFAULT_CACHE_BYTES ((uint64_t)128 << 20)
 
-static int64_t smaller(int64_t a, int64_t b)
-{
-    return a < b ? a : b;
-}
-static int64_t larger(int64_t a, int64_t b)
-{
-    return a > b ? a : b;
-}
-static int64_t clamp(int64_t value, int64_t low, int64_t high)
-{
-    return value < low ? low : value > high ? high : value;
-}
-
 static bool no_memory(struct paged *p)
 {
     if (!atomic_exchange(&p->failed, true))
