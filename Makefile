@@ -40,13 +40,13 @@ EMBEDDED  := $(wildcard common/gl/*.glsl common/gl/*.vert common/gl/*.geom commo
 MAINS     := $(wildcard common/terrain/main.c bench/main.c $(RENDERERS:%=%/main.c))
 sources    = $(filter-out $(MAINS),$(wildcard $(1)))
 objects    = $(patsubst %.c,$(OBJ)/%.o,$(1))
-COMMON    := $(call objects,$(call sources,common/*.c common/*/*.c)) $(OBJ)/embedded.o $(OBJ)/epoxy_table.o
+COMMON    := $(call objects,$(call sources,common/*.c common/*/*.c common/*/*/*.c)) $(OBJ)/embedded.o $(OBJ)/epoxy_table.o
 METHODS   := $(call objects,$(call sources,$(RENDERERS:%=%/*.c)))
 BENCH     := $(call objects,$(call sources,bench/*.c))
 PROGRAMS  := $(patsubst %/main.c,%,$(MAINS:common/%=%))
 TESTS     := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/hard/test_*.c tests/gpu/test_*.c tests/unit/test_*.c)) # long ones first
-HEADERS   := $(wildcard common/*.h common/*/*.h $(RENDERERS:%=%/*.h) bench/*.h tests/*.h tests/*/*.h)
-ALL_C     := $(wildcard common/*.c common/*/*.c $(RENDERERS:%=%/*.c) bench/*.c tests/*/*.c) $(HEADERS)
+HEADERS   := $(wildcard common/*.h common/*/*.h common/*/*/*.h $(RENDERERS:%=%/*.h) bench/*.h tests/*.h tests/*/*.h)
+ALL_C     := $(wildcard common/*.c common/*/*.c common/*/*/*.c $(RENDERERS:%=%/*.c) bench/*.c tests/*/*.c) $(HEADERS)
 
 all: $(PROGRAMS:%=$(BUILD)/%) ## the programs: bench, clipmap, geomipmap, pgm, terrain
 
@@ -125,8 +125,8 @@ soak: | $(filter deps,$(MAKECMDGOALS)) ## the same properties at their full stat
 run-tests: all $(TESTS)
 	tests/run $(BUILD) $(TESTS)
 
-FUZZED  := tests/fuzz/fuzz_relief.c $(wildcard common/terrain/coder*.c common/terrain/layout*.c common/terrain/codec_*.c) \
-           $(patsubst %,common/terrain/%.c,relief_file relief_format upsample) common/parallel.c common/report.c
+FUZZED  := tests/fuzz/fuzz_relief.c $(wildcard $(addprefix common/terrain/relief/,coder*.c layout*.c codec_*.c)) \
+           $(patsubst %,common/terrain/%.c,relief/relief_file relief/relief_format upsample) common/parallel.c common/report.c
 runs    ?= 1000000
 fuzz: $(BUILD)/tests/unit/test_fuzz ## spoilt .relief files under libFuzzer and sanitizers (clang): runs=1000000
 	@mkdir -p $(BUILD)/fuzz/corpus
@@ -149,10 +149,10 @@ lint: ## cppcheck over the sources
 	  --suppress=missingIncludeSystem -I. common clipmap geomipmap pgm bench
 
 layers: ## common/ knows no renderer; renderers know neither each other nor bench/
-	@! grep -nE '#include "(clipmap|geomipmap|pgm|bench|tests)/' common/*.[ch] common/*/*.[ch]
+	@! grep -nE '#include "(clipmap|geomipmap|pgm|bench|tests)/' common/*.[ch] common/*/*.[ch] common/*/*/*.[ch]
 	@for d in $(RENDERERS); do ! grep -nE '#include "' $$d/*.[ch] | grep -vE '"(common|'$$d')/' || exit 1; done
 	@! grep -nE '#include "tests/' bench/*.[ch]
-	@! grep -nE '^#include .*(epoxy|GL/)' common/terrain/*.[ch] common/view/*.[ch] common/scene/*.[ch]
+	@! grep -nE '^#include .*(epoxy|GL/)' common/terrain/*.[ch] common/terrain/*/*.[ch] common/view/*.[ch] common/scene/*.[ch]
 	@! grep -rnE -e '-f''fast-math' --include='*.mk' --include=Makefile . | grep -v 'never\|fno-fast-math\|grep'
 	@echo "layers: good"
 
@@ -166,7 +166,7 @@ tables: ## train the tile coder's tables on the maps of $RELIEF_DATA that are me
 	for round in 0 1 2 3; do \
 	  $(MAKE) --no-print-directory $(BUILD)/tests/tools/train_coder && $(BUILD)/tests/tools/train_coder \
 	    $$([ $$round = 0 ] || printf '%s ' $(TRAINING:%="$$RELIEF_DATA"/%.png)) > $(BUILD)/coder_tables.c && \
-	  cp $(BUILD)/coder_tables.c common/terrain/coder_tables.c || exit 1; done
+	  cp $(BUILD)/coder_tables.c common/terrain/relief/coder_tables.c || exit 1; done
 
 # 20.2e9 samples; takes up to 3 GB of disk below build/, and goes on where it was when it is interrupted.
 us-scale: ## pack a made world of 216,000 x 93,600 samples: build/us.relief (half an hour on two cores)

@@ -5,10 +5,10 @@
 #include "clipmap/clipmap.h"
 #include "clipmap/clipmap_levels.h"
 #include "common/report.h"
-#include "common/terrain/filter_fit.h"
 #include "common/terrain/heightfield.h"
-#include "common/terrain/relief_file.h"
-#include "common/terrain/relief_pack.h"
+#include "common/terrain/relief/filter_fit.h"
+#include "common/terrain/relief/relief_file.h"
+#include "common/terrain/relief/relief_pack.h"
 #include "common/terrain/upsample.h"
 #include "common/terrain/voids.h"
 

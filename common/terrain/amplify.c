@@ -3,8 +3,8 @@
 
 #include "common/report.h"
 #include "common/terrain/generate.h"
-#include "common/terrain/relief_format.h"
-#include "common/terrain/relief_source.h"
+#include "common/terrain/relief/relief_format.h"
+#include "common/terrain/relief/relief_source.h"
 #include "common/terrain/synthesis.h"
 #include "common/terrain/terrain.h"
 #include "common/terrain/upsample.h"

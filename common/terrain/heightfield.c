@@ -4,7 +4,7 @@
 #include "common/image.h"
 #include "common/report.h"
 #include "common/terrain/heightfield_gdal.h"
-#include "common/terrain/relief_file.h"
+#include "common/terrain/relief/relief_file.h"
 #include "common/terrain/sidecar.h"
 
 #include <errno.h>

@@ -4,7 +4,7 @@
 #include "common/report.h"
 #include "common/terrain/generate.h"
 #include "common/terrain/heightfield.h"
-#include "common/terrain/relief_program.h"
+#include "common/terrain/relief/relief_program.h"
 #include "common/terrain/terrain.h"
 
 #include <cjson/cJSON.h>

@@ -5,7 +5,7 @@
 
 #include "common/terrain/paged.h"
 #include "common/terrain/pyramid.h"
-#include "common/terrain/relief_file.h"
+#include "common/terrain/relief/relief_file.h"
 #include "common/terrain/synthesis.h"
 #include "common/terrain/upsample.h"
 

@@ -6,7 +6,7 @@
 #include "common/terrain/extrema.h"
 #include "common/terrain/heightfield.h"
 #include "common/terrain/paged.h"
-#include "common/terrain/relief_program.h"
+#include "common/terrain/relief/relief_program.h"
 #include "common/terrain/sphere.h"
 #include "common/terrain/terrain_parts.h"
 #include "common/terrain/upsample.h"

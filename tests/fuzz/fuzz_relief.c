@@ -2,7 +2,7 @@
 #define _GNU_SOURCE // memfd_create
 #include "tests/fuzz/fuzz_relief.h"
 
-#include "common/terrain/relief_file.h"
+#include "common/terrain/relief/relief_file.h"
 
 #include <stdbool.h>
 #include <stdio.h>

@@ -2,7 +2,7 @@
 // flight whatever the threads, and at rest what waiting gives.  SPDX-License-Identifier: MIT
 #include "tests/gpu/test_clipmap.h"
 
-#include "common/terrain/relief_pack.h"
+#include "common/terrain/relief/relief_pack.h"
 #include "tests/folder.h"
 
 static const struct scene_effects own_effects = {.shading = SCENE_SHADING_OWN};

@@ -3,7 +3,7 @@
 // SPDX-License-Identifier: MIT
 #include "tests/unit/test_geomipmap.h"
 #include "bench/error.h"
-#include "common/terrain/relief_pack.h"
+#include "common/terrain/relief/relief_pack.h"
 #include "geomipmap/geomipmap.h"
 #include "tests/folder.h"
 #include "tests/gpu/settings.h"

@@ -1,7 +1,7 @@
 // The paper's large map: terrain on disk with a colour image as wide, flown within 2.5 bytes a sample and an
 // eighth of the image.
 // SPDX-License-Identifier: MIT
-#include "common/terrain/relief_pack.h"
+#include "common/terrain/relief/relief_pack.h"
 #include "common/view/path.h"
 #include "geomipmap/geomipmap.h"
 #include "tests/folder.h"

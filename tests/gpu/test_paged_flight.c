@@ -3,7 +3,7 @@
 // SPDX-License-Identifier: MIT
 #include "clipmap/clipmap.h"
 #include "common/scene/scene.h"
-#include "common/terrain/relief_pack.h"
+#include "common/terrain/relief/relief_pack.h"
 #include "geomipmap/geomipmap.h"
 #include "pgm/pgm.h"
 #include "tests/folder.h"

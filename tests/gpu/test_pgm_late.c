@@ -5,7 +5,7 @@
 #include "tests/gpu/test_pgm.h"
 
 #include "common/terrain/paged.h"
-#include "common/terrain/relief_pack.h"
+#include "common/terrain/relief/relief_pack.h"
 
 enum { WIDTH = 1100, HEIGHT = 900, FRAMES = 24 };
 

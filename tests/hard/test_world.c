@@ -3,8 +3,8 @@
 // MIT
 #include "tests/folder.h"
 
-#include "common/terrain/relief_file.h"
-#include "common/terrain/relief_pack.h"
+#include "common/terrain/relief/relief_file.h"
+#include "common/terrain/relief/relief_pack.h"
 
 #include <string.h>
 #include <sys/resource.h>

@@ -1,10 +1,10 @@
 // Trains the tile coder's tables: packs the maps given at many rates, counts what the coder sees, and prints
-// common/terrain/coder_tables.c.  Choices made while packing hang on the tables, so `make tables` starts from
-// those that are printed when no map is given, and runs it again with what came out: the same every time.
-// SPDX-License-Identifier: MIT
+// common/terrain/relief/coder_tables.c.  Choices made while packing hang on the tables, so `make tables`
+// starts from those that are printed when no map is given, and runs it again with what came out: the same
+// every time. SPDX-License-Identifier: MIT
 #include "common/report.h"
-#include "common/terrain/coder.h"
-#include "common/terrain/relief_pack.h"
+#include "common/terrain/relief/coder.h"
+#include "common/terrain/relief/relief_pack.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -41,7 +41,7 @@ static void normalise(const uint64_t seen[CODER_TOKENS], const double likely[COD
 static void print_tables(const struct coder_counts *counts)
 {
     printf("// Made by `make tables`; do not edit.  SPDX-License-Identifier: MIT\n"
-           "#include \"common/terrain/coder.h\"\n\n// clang-format off\nconst struct coder_tables "
+           "#include \"common/terrain/relief/coder.h\"\n\n// clang-format off\nconst struct coder_tables "
            "CODER_TABLES = {{\n");
     for (int set = 0; set < CODER_SETS; set++) {
         double share[CODER_TOKENS];

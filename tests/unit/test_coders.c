@@ -1,9 +1,9 @@
 // Terrain beside the coders of others, at equal error, in one run.  SPDX-License-Identifier: MIT
 #include "tests/folder.h"
 
-#include "common/terrain/peer_coders.h"
-#include "common/terrain/relief_file.h"
-#include "common/terrain/relief_pack.h"
+#include "common/terrain/relief/peer_coders.h"
+#include "common/terrain/relief/relief_file.h"
+#include "common/terrain/relief/relief_pack.h"
 
 #include <string.h>
 

@@ -5,8 +5,8 @@
 #include "tests/folder.h"
 #include "tests/fuzz/fuzz_relief.h"
 
-#include "common/terrain/relief_file.h"
-#include "common/terrain/relief_pack.h"
+#include "common/terrain/relief/relief_file.h"
+#include "common/terrain/relief/relief_pack.h"
 
 #include <fcntl.h>
 #include <string.h>

@@ -2,10 +2,10 @@
 // pyramid. SPDX-License-Identifier: MIT
 #include "tests/folder.h"
 
-#include "common/terrain/codec_mars.h"
-#include "common/terrain/filter_fit.h"
-#include "common/terrain/relief_file.h"
-#include "common/terrain/relief_pack.h"
+#include "common/terrain/relief/codec_mars.h"
+#include "common/terrain/relief/filter_fit.h"
+#include "common/terrain/relief/relief_file.h"
+#include "common/terrain/relief/relief_pack.h"
 #include "common/terrain/upsample.h"
 
 #include <string.h>

@@ -6,8 +6,8 @@
 #include "common/parallel.h"
 #include "common/terrain/paged.h"
 #include "common/terrain/reader.h"
-#include "common/terrain/relief_file.h"
-#include "common/terrain/relief_pack.h"
+#include "common/terrain/relief/relief_file.h"
+#include "common/terrain/relief/relief_pack.h"
 #include "common/terrain/synthesis.h"
 #include "common/terrain/upsample.h"
 

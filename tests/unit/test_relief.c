@@ -2,9 +2,9 @@
 // stderr. SPDX-License-Identifier: MIT
 #include "tests/folder.h"
 
-#include "common/terrain/layout.h"
-#include "common/terrain/relief_file.h"
-#include "common/terrain/relief_pack.h"
+#include "common/terrain/relief/layout.h"
+#include "common/terrain/relief/relief_file.h"
+#include "common/terrain/relief/relief_pack.h"
 #include "common/terrain/terrain.h"
 #include "common/terrain/upsample.h"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "common/terrain/peer_coders.h"
+#include "common/terrain/relief/peer_coders.h"
 
 #include <math.h>
 #include <stdint.h>

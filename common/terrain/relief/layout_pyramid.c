@@ -1,6 +1,6 @@
 // Layout `pyramid`: Losasso & Hoppe 2004, section 7, as published but for the coder of the residuals, which
 // is that of the other layouts and not PTC.  SPDX-License-Identifier: MIT
-#include "common/terrain/layout.h"
+#include "common/terrain/relief/layout.h"
 #include "common/terrain/upsample.h"
 
 #include <stdlib.h>

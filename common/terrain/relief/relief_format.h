@@ -13,7 +13,7 @@
 #ifndef COMMON_TERRAIN_RELIEF_FORMAT_H
 #define COMMON_TERRAIN_RELIEF_FORMAT_H
 
-#include "common/terrain/layout.h"
+#include "common/terrain/relief/layout.h"
 
 #include <stdbool.h>
 #include <stddef.h>

@@ -3,10 +3,10 @@
 #include "common/cli.h"
 #include "common/report.h"
 #include "common/terrain/heightfield.h"
-#include "common/terrain/peer_coders.h"
-#include "common/terrain/relief_file.h"
-#include "common/terrain/relief_pack.h"
-#include "common/terrain/relief_program.h"
+#include "common/terrain/relief/peer_coders.h"
+#include "common/terrain/relief/relief_file.h"
+#include "common/terrain/relief/relief_pack.h"
+#include "common/terrain/relief/relief_program.h"
 #include "common/terrain/voids.h"
 
 #include <cjson/cJSON.h>

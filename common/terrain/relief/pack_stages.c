@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "common/terrain/pack.h"
+#include "common/terrain/relief/pack.h"
 
 #include "common/parallel.h"
 #include "common/report.h"

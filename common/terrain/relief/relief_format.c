@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "common/terrain/relief_format.h"
+#include "common/terrain/relief/relief_format.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-#include "common/terrain/pack_store.h"
+#include "common/terrain/relief/pack_store.h"
 
 #include "common/report.h"
-#include "common/terrain/relief_format.h"
+#include "common/terrain/relief/relief_format.h"
 
 #include <errno.h>
 #include <fcntl.h>

@@ -5,7 +5,7 @@
 #define COMMON_TERRAIN_RELIEF_SOURCE_H
 
 #include "common/terrain/heightfield.h"
-#include "common/terrain/layout.h"
+#include "common/terrain/relief/layout.h"
 
 struct relief_source {
     char name[64];

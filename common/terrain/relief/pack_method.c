@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "common/terrain/pack_method.h"
+#include "common/terrain/relief/pack_method.h"
 
 #include <string.h>
 

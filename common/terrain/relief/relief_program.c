@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
-#include "common/terrain/relief_program.h"
+#include "common/terrain/relief/relief_program.h"
 
 #include "common/cli.h"
 #include "common/report.h"
 #include "common/terrain/heightfield.h"
-#include "common/terrain/relief_file.h"
-#include "common/terrain/relief_pack.h"
+#include "common/terrain/relief/relief_file.h"
+#include "common/terrain/relief/relief_pack.h"
 
 #include <cjson/cJSON.h>
 #include <signal.h>

@@ -18,7 +18,7 @@
 #ifndef COMMON_TERRAIN_LAYOUT_H
 #define COMMON_TERRAIN_LAYOUT_H
 
-#include "common/terrain/coder.h"
+#include "common/terrain/relief/coder.h"
 
 #include <stdbool.h>
 #include <stdint.h>

@@ -4,7 +4,7 @@
 #ifndef COMMON_TERRAIN_PACK_REGION_H
 #define COMMON_TERRAIN_PACK_REGION_H
 
-#include "common/terrain/pack_method.h"
+#include "common/terrain/relief/pack_method.h"
 
 #include <stddef.h>
 

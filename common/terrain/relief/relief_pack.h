@@ -9,8 +9,8 @@
 #define COMMON_TERRAIN_RELIEF_PACK_H
 
 #include "common/terrain/heightfield.h"
-#include "common/terrain/relief_format.h"
-#include "common/terrain/relief_source.h"
+#include "common/terrain/relief/relief_format.h"
+#include "common/terrain/relief/relief_source.h"
 
 #include <signal.h>
 

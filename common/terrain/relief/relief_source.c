@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-#include "common/terrain/relief_source.h"
+#include "common/terrain/relief/relief_source.h"
 
 #include "common/report.h"
 #include "common/terrain/amplify.h"
-#include "common/terrain/relief_file.h"
+#include "common/terrain/relief/relief_file.h"
 #include "common/terrain/sidecar.h"
 #include "common/terrain/upsample.h"
 #include "common/terrain/voids.h"

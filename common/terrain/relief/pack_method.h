@@ -5,7 +5,7 @@
 #ifndef COMMON_TERRAIN_PACK_METHOD_H
 #define COMMON_TERRAIN_PACK_METHOD_H
 
-#include "common/terrain/layout.h"
+#include "common/terrain/relief/layout.h"
 
 struct pack_tile { // one tile, while it is packed
     const struct grid *grid;

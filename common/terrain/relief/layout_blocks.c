@@ -1,7 +1,7 @@
 // Layouts whose tiles hold samples: `raw`, plain ones, and `mars`, a block coder of others (codec_mars.h);
 // and what tells the layouts apart.  SPDX-License-Identifier: MIT
-#include "common/terrain/codec_mars.h"
-#include "common/terrain/layout.h"
+#include "common/terrain/relief/codec_mars.h"
+#include "common/terrain/relief/layout.h"
 
 #include <string.h>
 

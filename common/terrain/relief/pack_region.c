@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "common/terrain/pack_region.h"
+#include "common/terrain/relief/pack_region.h"
 
 #include "common/parallel.h"
 #include "common/terrain/upsample.h"

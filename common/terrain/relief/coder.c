@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "common/terrain/coder.h"
+#include "common/terrain/relief/coder.h"
 
 #include <math.h>
 #include <stdlib.h>

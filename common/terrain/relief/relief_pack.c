@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-#include "common/terrain/relief_pack.h"
+#include "common/terrain/relief/relief_pack.h"
 
 #include "common/parallel.h"
 #include "common/report.h"
-#include "common/terrain/pack.h"
+#include "common/terrain/relief/pack.h"
 
 #include <math.h>
 #include <stdlib.h>

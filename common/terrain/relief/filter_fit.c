@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "common/terrain/filter_fit.h"
+#include "common/terrain/relief/filter_fit.h"
 
 #include <math.h>
 #include <stdlib.h>

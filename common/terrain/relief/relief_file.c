@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "common/terrain/relief_file.h"
+#include "common/terrain/relief/relief_file.h"
 
 #include "common/report.h"
 #include "common/terrain/upsample.h"

@@ -8,9 +8,9 @@
 #ifndef COMMON_TERRAIN_PACK_H
 #define COMMON_TERRAIN_PACK_H
 
-#include "common/terrain/pack_region.h"
-#include "common/terrain/pack_store.h"
-#include "common/terrain/relief_pack.h"
+#include "common/terrain/relief/pack_region.h"
+#include "common/terrain/relief/pack_store.h"
+#include "common/terrain/relief/relief_pack.h"
 
 #include <stdlib.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "common/terrain/codec_mars.h"
+#include "common/terrain/relief/codec_mars.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "common/terrain/layout.h"
+#include "common/terrain/relief/layout.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -1,5 +1,5 @@
 // Made by `make tables`; do not edit.  SPDX-License-Identifier: MIT
-#include "common/terrain/coder.h"
+#include "common/terrain/relief/coder.h"
 
 // clang-format off
 const struct coder_tables CODER_TABLES = {{

@@ -5,7 +5,7 @@
 #define COMMON_TERRAIN_RELIEF_FILE_H
 
 #include "common/terrain/heightfield.h"
-#include "common/terrain/relief_format.h"
+#include "common/terrain/relief/relief_format.h"
 
 #include <stdbool.h>
 #include <stdint.h>

@@ -10,7 +10,7 @@
 #ifndef COMMON_TERRAIN_PACK_STORE_H
 #define COMMON_TERRAIN_PACK_STORE_H
 
-#include "common/terrain/layout.h"
+#include "common/terrain/relief/layout.h"
 
 #include <pthread.h>
 #include <stdbool.h>
