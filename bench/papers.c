@@ -31,6 +31,7 @@ static const struct papers_entry {
     {"pgm-culled", "Livny et al. 2008, section 6.3, culled samples", papers_pgm_culled},
     {"mars-1", "Geometry clipmapping for Mars, Table 1", papers_mars_compression},
     {"mars-3", "Geometry clipmapping for Mars, Table 3", papers_mars_rendering},
+    {"sphere-views", "Clasen & Hege 2006, section 5.2, Figures 15 to 17", papers_sphere_views},
     {"geomipmap-sets", "Brodersen 2005, section 5, index sets", papers_geomipmap_sets},
     {"geomipmap-rate", "Brodersen 2005, sections 4 to 6", papers_geomipmap_rate},
 };
