@@ -84,6 +84,11 @@ bool papers_fly(const struct papers *papers, const struct scene *scene, int fram
 // section 9. errors has room for terrain_info()->samples.
 void papers_level_errors(const struct terrain *terrain, int level, double *errors_q);
 
+// Times of decoding 255 x 255 samples of the Puget Sound set from a .relief file, the coarser level being
+// there, at `count` random places, for Table 1 of Losasso & Hoppe 2004; times[0] is NAN where the set is
+// missing.  False after one line on stderr.
+bool papers_decompression(struct papers *papers, double *times, int count);
+
 // ---- the tables --------------------------------------------------------------------------------
 
 // Each returns false after one line on stderr; a skipped table is no failure.

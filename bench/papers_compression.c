@@ -192,6 +192,49 @@ bool papers_clipmap_compression(struct papers *papers, struct papers_table *tabl
     return true;
 }
 
+// ---- Table 1: decompression --------------------------------------------------------------------
+
+enum { REFILL = 255 }; // samples on a side
+
+// The next level alone, the coarser one being there: as a refill needs it, in quanta.
+static bool time_decoding(struct papers *papers, const struct packed *p, double *times, int count)
+{
+    const struct grid *grid = relief_grid(p->relief);
+    struct random_state random = {PAPERS_SEED};
+    struct patch coarse = {.rect = {0, 0, grid->size[1][0], grid->size[1][1]}}, wanted;
+    coarse.samples = malloc((size_t)(grid->size[1][0] * grid->size[1][1]) * sizeof(int32_t));
+    wanted.samples = malloc((size_t)REFILL * REFILL * sizeof(int32_t));
+    bool good = coarse.samples && wanted.samples ? relief_units(p->relief, 1, &coarse)
+                                                 : fail("papers: out of memory");
+    for (int i = 0; good && i < count; i++) {
+        int64_t x0 = (int64_t)random_below(&random, (uint64_t)(grid->size[0][0] - REFILL + 1));
+        int64_t y0 = (int64_t)random_below(&random, (uint64_t)(grid->size[0][1] - REFILL + 1));
+        wanted.rect = (struct rect){x0, y0, x0 + REFILL, y0 + REFILL};
+        double start = papers_clock_ms(papers);
+        good = relief_refine(p->relief, 0, &coarse, &wanted);
+        relief_quanta(p->relief, wanted.samples, REFILL * REFILL);
+        times[i] = papers_clock_ms(papers) - start;
+    }
+    free(coarse.samples);
+    free(wanted.samples);
+    return good;
+}
+
+bool papers_decompression(struct papers *papers, double *times, int count)
+{
+    char path[1024];
+    struct papers_table aside = {.id = ""}; // takes the reason, should there be no data
+    struct packed p;
+    times[0] = NAN;
+    if (!papers_data(&aside, "puget_1k_160m.png", path)) return true;
+    bool good = packed_open(&p, path);
+    const struct relief_pack_options options = {.layout = LAYOUT_WAVELET,
+                                                .rms_m = 0.1 * p.field.spacing_m[1]};
+    good = good && pack(&p, &options) && time_decoding(papers, &p, times, count);
+    packed_close(&p);
+    return good;
+}
+
 // ---- section 7, footnote: the filter D ---------------------------------------------------------
 
 bool papers_clipmap_filter(struct papers *papers, struct papers_table *table)
