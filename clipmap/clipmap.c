@@ -28,7 +28,8 @@ enum {
     KNOB_SIZES,
     KNOB_NORMALS,
     KNOB_ANISOTROPY,
-    KNOB_TRIGONOMETRY
+    KNOB_TRIGONOMETRY,
+    KNOB_KEEP
 };
 
 enum { N_MIN = 15, N_MAX = 1023 };
@@ -71,6 +72,7 @@ static const struct renderer_knob knobs[] = {
     {"trigonometry",
      "over a sphere: where vertices sample, in stable half angles, by acos in float, or as published",
      SPHERE_STABLE, 0, 2, "stable|corrected|published"},
+    {"keep", "over a sphere: transformed vertices are kept while the eye stands still", 1, 0, 1, "off|on"},
     {NULL, NULL, 0, 0, 0, NULL},
 };
 
@@ -560,6 +562,7 @@ static bool init_sphere(struct clipmap *c, const struct renderer_desc *desc)
     const double *knobs_set = desc->knobs;
     struct sphere_choice choice = {.n = (int)knobs_set[KNOB_N],
                                    .cull = knobs_set[KNOB_CULL] > 0,
+                                   .keep = knobs_set[KNOB_KEEP] > 0,
                                    .rebuild = knobs_set[KNOB_REFILL] > 0,
                                    .budget = knobs_set[KNOB_BUDGET] > 0 ? (uint64_t)knobs_set[KNOB_BUDGET]
                                                                         : UINT64_MAX,

@@ -2,6 +2,7 @@
 #include "clipmap/sphere.h"
 
 #include "clipmap/sphere_levels.h"
+#include "clipmap/sphere_mesh.h"
 #include "common/report.h"
 
 #include <math.h>
@@ -9,15 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { HEIGHTS_UNIT = 0, RINGS_A_BLOCK = 24 };
-
-struct block_selection { // blocks of one view that are drawn
-    GLsizei *counts;
-    size_t *first_index;
-    GLint *base_vertex;
-    int draws, blocks;
-    uint64_t triangles;
-};
+enum { HEIGHTS_UNIT = 0 };
 
 struct sphere_view {
     struct sphere_store stores[SPHERE_MAX_LEVELS];
@@ -25,8 +18,10 @@ struct sphere_view {
     bool seen;   // view is that of an update before
     double turn; // of the pattern from east
     struct sphere_ring_range range;
-    struct block_selection selection;
-    GLuint heights; // one layer a level
+    struct sphere_blocks blocks;
+    int drawn;            // how often, since the vertices last changed
+    uint64_t transformed; // vertices, to be kept, since the last update
+    GLuint heights;       // one layer a level
     uint64_t texels_read, texels_left;
     int finest_there; // level: what is finer is not whole yet
 };
@@ -42,110 +37,27 @@ struct clipmap_sphere {
     struct sphere_choice choice;
     struct sphere_rings rings;
     struct sphere_shape shape;
-    int layers, max_blocks, view_count, frame;
-    int row;               // vertices of a ring in the buffer: the first once more at the end, and the nadir
-    size_t disc_first[16]; // index lists of the disc's octaves
-    GLsizei disc_count[16];
-    size_t fan_first; // of the fans, one a sector
-    GLuint vertices, indices, vertex_array;
+    struct sphere_mesh mesh;
+    int layers, view_count, frame;
     float *scratch;
     int32_t *columns;
     struct sphere_view views[RENDERER_MAX_VIEWS];
-    struct sphere_program programs[PASS_COUNT];
+    struct sphere_program programs[PASS_COUNT][2]; // [1]: of kept vertices
 };
 
-// ---- the static geometry ---------------------------------------------------
+// ---- programs --------------------------------------------------------------
 
-static bool upload_vertices(struct clipmap_sphere *s)
+static bool build_program(struct clipmap_sphere *s, struct sphere_program *p, const char *defines,
+                          const struct scene_effects *effects, enum render_pass pass)
 {
-    const struct sphere_rings *rings = &s->rings;
-    float(*vertices)[4] = malloc((size_t)s->row * (size_t)rings->count * sizeof *vertices);
-    if (!vertices) return fail("clipmap: no memory for %d rings", rings->count);
-    for (int ring = 0; ring < rings->count; ring++) {
-        float(*row)[4] = vertices + (size_t)ring * (size_t)s->row;
-        for (int a = 0; a <= rings->azimuths; a++) sphere_ring_vertex(rings, ring, a, row[a]);
-        sphere_ring_vertex(rings, rings->count - 1, 0, row[rings->azimuths + 1]);
-    }
-    glBindBuffer(GL_ARRAY_BUFFER, s->vertices);
-    gpu_buffer_data(s->gpu, GL_ARRAY_BUFFER, (size_t)s->row * (size_t)rings->count * sizeof *vertices,
-                    vertices, GL_STATIC_DRAW);
-    free(vertices);
-    return true;
-}
-
-// ---- index lists, one sector each, counter-clockwise from above: azimuths run so, rings inwards
-// ---------------
-
-static uint32_t *add_triangle(uint32_t *to, int a, int b, int c)
-{
-    to[0] = (uint32_t)a, to[1] = (uint32_t)b, to[2] = (uint32_t)c;
-    return to + 3;
-}
-
-static uint32_t *add_quads(uint32_t *to, int row, int ring, int ring_step, int rings, int across, int step)
-{
-    for (int r = ring; r < ring + rings; r += ring_step)
-        for (int a = 0; a < across; a += step) {
-            int outer = r * row + a, inner = outer + ring_step * row;
-            to = add_triangle(to, outer, outer + step, inner + step);
-            to = add_triangle(to, outer, inner + step, inner);
-        }
-    return to;
-}
-
-// From a ring with azimuths `step` / 2 apart to one with `step`.
-static uint32_t *add_transition(uint32_t *to, int row, int ring_step, int across, int step)
-{
-    for (int a = 0; a < across; a += step) {
-        int outer = a, middle = a + step / 2, inner = ring_step * row + a;
-        to = add_triangle(to, outer, middle, inner);
-        to = add_triangle(to, middle, inner + step, inner);
-        to = add_triangle(to, middle, outer + step, inner + step);
-    }
-    return to;
-}
-
-static int disc_ring_step(int octave)
-{
-    return 1 << (octave < 4 ? octave : 4); // an octave has a multiple of 16 rings
-}
-
-static bool upload_indices(struct clipmap_sphere *s)
-{
-    int across = s->rings.azimuths / SPHERE_SECTORS, octave = s->rings.an_octave;
-    size_t most =
-        6 * (size_t)across * (size_t)(RINGS_A_BLOCK + 2 * octave + 4) + 3 * (size_t)s->rings.azimuths;
-    uint32_t *indices = malloc(most * sizeof *indices), *to = indices;
-    if (!indices) return fail("clipmap: no memory for %zu indices", most);
-    to = add_quads(to, s->row, 0, 1, RINGS_A_BLOCK, across, 1);
-    for (int k = 0; k <= s->rings.halvings; k++) {
-        int step = 1 << k, ring_step = disc_ring_step(k), done = k ? ring_step : 0;
-        s->disc_first[k] = (size_t)(to - indices);
-        if (k) to = add_transition(to, s->row, ring_step, across, step);
-        to = add_quads(to, s->row, done, ring_step, octave - done, across, step);
-        s->disc_count[k] = (GLsizei)((size_t)(to - indices) - s->disc_first[k]);
-    }
-    s->fan_first = (size_t)(to - indices);
-    for (int a = 0; a < s->rings.azimuths; a += 1 << s->rings.halvings)
-        to = add_triangle(to, a, a + (1 << s->rings.halvings), s->row - 1);
-    glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, s->indices);
-    gpu_buffer_data(s->gpu, GL_ELEMENT_ARRAY_BUFFER, (size_t)(to - indices) * sizeof *indices, indices,
-                    GL_STATIC_DRAW);
-    free(indices);
-    return true;
-}
-
-static bool create_geometry(struct clipmap_sphere *s)
-{
-    s->row = s->rings.azimuths + 2;
-    glGenVertexArrays(1, &s->vertex_array);
-    glBindVertexArray(s->vertex_array);
-    glGenBuffers(1, &s->vertices);
-    glGenBuffers(1, &s->indices);
-    if (!upload_vertices(s) || !upload_indices(s)) return false;
-    glEnableVertexAttribArray(0);
-    glVertexAttribPointer(0, 4, GL_FLOAT, GL_FALSE, 4 * sizeof(float), NULL);
-    glBindVertexArray(0);
+    if (!gpu_program_build(s->gpu, &p->program, "clipmap/sphere.vert", defines, effects, pass)) return false;
+    GLuint name = p->program.name;
+    p->heights = glGetUniformLocation(name, "heights");
+    p->windows = glGetUniformLocation(name, "windows");
+    p->grids = glGetUniformLocation(name, "grids");
+    p->viewer = glGetUniformLocation(name, "viewer");
+    p->pattern = glGetUniformLocation(name, "pattern");
+    p->polar = glGetUniformLocation(name, "polar");
     return true;
 }
 
@@ -153,19 +65,12 @@ static bool build_programs(struct clipmap_sphere *s, const struct scene_effects 
 {
     char defines[128];
     struct scene_effects common = scene_effects_common(effects);
-    snprintf(defines, sizeof defines, GPU_SPHERE "#define SIZE %d\n#define FORM %d\n", s->shape.size,
-             (int)s->choice.form);
-    for (int pass = 0; pass < PASS_COUNT; pass++) {
-        struct sphere_program *p = &s->programs[pass];
-        if (!gpu_program_build(s->gpu, &p->program, "clipmap/sphere.vert", defines, &common, pass))
-            return false;
-        GLuint name = p->program.name;
-        p->heights = glGetUniformLocation(name, "heights");
-        p->windows = glGetUniformLocation(name, "windows");
-        p->grids = glGetUniformLocation(name, "grids");
-        p->viewer = glGetUniformLocation(name, "viewer");
-        p->pattern = glGetUniformLocation(name, "pattern");
-        p->polar = glGetUniformLocation(name, "polar");
+    for (int kept = 0; kept < 2; kept++) {
+        snprintf(defines, sizeof defines, GPU_SPHERE "#define SIZE %d\n#define FORM %d\n%s", s->shape.size,
+                 (int)s->choice.form, kept ? "#define KEPT\n" : "");
+        for (int pass = 0; pass < PASS_COUNT; pass++)
+            if (!build_program(s, &s->programs[pass][kept], defines, &common, (enum render_pass)pass))
+                return false;
     }
     return true;
 }
@@ -174,13 +79,7 @@ static bool build_programs(struct clipmap_sphere *s, const struct scene_effects 
 
 static bool create_view(struct clipmap_sphere *s, struct sphere_view *own)
 {
-    struct block_selection *selection = &own->selection;
-    size_t count = (size_t)s->max_blocks;
-    selection->counts = calloc(count, sizeof *selection->counts);
-    selection->first_index = calloc(count, sizeof *selection->first_index);
-    selection->base_vertex = calloc(count, sizeof *selection->base_vertex);
-    if (!selection->counts || !selection->first_index || !selection->base_vertex)
-        return fail("clipmap: no memory for %zu blocks", count);
+    if (!sphere_blocks_init(&own->blocks, &s->mesh)) return false;
     for (int k = 0; k < SPHERE_MAX_LEVELS; k++) own->stores[k].held.box = clipmap_empty;
     glGenTextures(1, &own->heights);
     glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
@@ -238,15 +137,6 @@ static double over_ground(const struct terrain *terrain, const struct view *view
     return view->eye_place[2] - (q * info->quantum_m + info->offset_m);
 }
 
-static void add_block(struct block_selection *selection, GLsizei count, size_t first_index, int base_vertex)
-{
-    int k = selection->draws++;
-    selection->counts[k] = count;
-    selection->first_index[k] = first_index;
-    selection->base_vertex[k] = base_vertex;
-    selection->triangles += (uint64_t)count / 3;
-}
-
 // Heights over the datum that rings from `outer` inwards to `inner` may have: those of the levels they
 // sample.
 static void part_heights(const struct clipmap_sphere *s, const struct sphere_view *own, int outer, int inner,
@@ -271,53 +161,46 @@ static void part_heights(const struct clipmap_sphere *s, const struct sphere_vie
     *high_m = info->offset_m + info->quantum_m * high_q;
 }
 
-// The blocks of one part, a sector each.
-static void select_sectors(struct clipmap_sphere *s, struct sphere_view *own, const struct frustum *frustum,
-                           int outer, int inner, GLsizei count, size_t first_index)
+static void select_blocks(struct clipmap_sphere *s, struct sphere_view *own, bool same)
 {
-    int across = s->rings.azimuths / SPHERE_SECTORS;
-    double low_m = 0, high_m = 0;
-    if (s->choice.cull) part_heights(s, own, outer, inner, &low_m, &high_m);
-    for (int sector = 0; sector < SPHERE_SECTORS; sector++) {
-        int ring[2] = {outer, inner}, azimuth[2] = {sector * across, (sector + 1) * across};
-        double low[3], high[3];
-        unsigned mask = FRUSTUM_ALL;
-        own->selection.blocks++;
-        sphere_block_box(&s->rings, &own->view, own->turn, ring, azimuth, low_m, high_m, low, high);
-        if (!s->choice.cull || frustum_test_box(frustum, low, high, &mask) != FRUSTUM_OUTSIDE)
-            add_block(&own->selection, count, first_index, outer * s->row + azimuth[0]);
-    }
-}
-
-// Rings inwards, then the disc within the innermost: its octaves, and a fan at its middle.
-static void select_blocks(struct clipmap_sphere *s, struct sphere_view *own)
-{
-    struct block_selection *selection = &own->selection;
+    struct sphere_blocks *blocks = &own->blocks;
     struct frustum frustum;
-    int across = s->rings.azimuths / SPHERE_SECTORS, inner = own->range.inner, octave = s->rings.an_octave;
-    int fan = inner + (s->rings.halvings + 1) * octave, fan_count = 3 * (across >> s->rings.halvings);
     frustum_init(&frustum, &own->view);
-    selection->draws = selection->blocks = 0;
-    selection->triangles = 0;
-    for (int r = own->range.outer; r < inner; r += RINGS_A_BLOCK) {
-        int end = r + RINGS_A_BLOCK < inner ? r + RINGS_A_BLOCK : inner;
-        select_sectors(s, own, &frustum, r, end, 6 * across * (end - r), 0);
+    sphere_blocks_begin(blocks, &s->mesh, &own->range, same);
+    for (int part = 0; part < blocks->part_count; part++) {
+        int ring[2] = {blocks->parts[part].outer, blocks->parts[part].inner};
+        bool test = s->choice.cull && ring[0] < ring[1]; // the fan's few triangles are not worth it
+        double low_m = 0, high_m = 0;
+        if (test) part_heights(s, own, ring[0], ring[1], &low_m, &high_m);
+        for (int sector = 0; sector < SPHERE_SECTORS; sector++) {
+            int azimuth[2] = {sector * s->mesh.across, (sector + 1) * s->mesh.across};
+            double low[3], high[3];
+            unsigned mask = FRUSTUM_ALL;
+            sphere_block_box(&s->rings, &own->view, own->turn, ring, azimuth, low_m, high_m, low, high);
+            if (!test || frustum_test_box(&frustum, low, high, &mask) != FRUSTUM_OUTSIDE)
+                sphere_blocks_add(blocks, &s->mesh, part, sector);
+        }
     }
-    for (int k = 0; k <= s->rings.halvings; k++)
-        select_sectors(s, own, &frustum, inner + k * octave, inner + (k + 1) * octave, s->disc_count[k],
-                       s->disc_first[k]);
-    for (int sector = 0; sector < SPHERE_SECTORS; sector++) // few triangles: not worth a test
-        add_block(selection, fan_count, s->fan_first + (size_t)(sector * fan_count), fan * s->row);
 }
 
+// While the eye and the levels stand still, every vertex is where it was.
 static void update_view(struct clipmap_sphere *s, struct sphere_view *own, const struct view *view)
 {
-    own->turn = own->seen ? sphere_transport(&own->view, own->turn, view) : 0;
-    own->seen = true;
+    struct view before = own->view;
+    struct sphere_ring_range range = own->range;
+    int finest = own->finest_there;
+    bool moved = memcmp(before.eye_place, view->eye_place, sizeof before.eye_place) != 0;
+    if (!own->seen) own->turn = 0;
+    if (own->seen && moved) own->turn = sphere_transport(&before, own->turn, view);
     own->view = *view;
     own->range = sphere_ring_visible(&s->rings, s->terrain, view, over_ground(s->terrain, view));
     refill(s, own);
-    select_blocks(s, own);
+    bool same = own->seen && !moved && range.outer == own->range.outer && range.inner == own->range.inner &&
+                finest == own->finest_there && own->texels_read == 0;
+    if (!same) own->drawn = 0;
+    own->seen = true;
+    own->transformed = 0;
+    select_blocks(s, own, same);
 }
 
 // ---- the contract ----------------------------------------------------------
@@ -376,20 +259,28 @@ static void set_uniforms(const struct clipmap_sphere *s, const struct sphere_pro
     if (p->polar >= 0) glUniform1f(p->polar, (float)(M_PI / 2 - latitude));
 }
 
+static void use_program(struct clipmap_sphere *s, const struct sphere_view *own, enum render_pass pass,
+                        bool kept)
+{
+    const struct sphere_program *program = &s->programs[pass][kept];
+    gpu_use_program(s->gpu, &program->program);
+    if (!kept) set_uniforms(s, program, own);
+}
+
+// Vertices that are drawn once more are kept from then on (section 6.1).
 void clipmap_sphere_draw(struct clipmap_sphere *s, int view_index, enum render_pass pass)
 {
-    const struct sphere_view *own = &s->views[view_index];
-    const struct block_selection *selection = &own->selection;
-    if (!selection->draws) return;
-    gpu_use_program(s->gpu, &s->programs[pass].program);
+    struct sphere_view *own = &s->views[view_index];
+    bool kept = s->choice.keep && own->drawn++ > 0;
+    if (!own->blocks.draws) return;
     glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
     glBindTexture(GL_TEXTURE_2D_ARRAY, own->heights);
-    set_uniforms(s, &s->programs[pass], own);
-    glBindVertexArray(s->vertex_array);
-    glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, s->indices);
-    gpu_multi_draw_elements(s->gpu, GL_TRIANGLES, selection->counts, GL_UNSIGNED_INT, selection->first_index,
-                            selection->base_vertex, selection->draws, selection->triangles);
-    glBindVertexArray(0);
+    if (kept) {
+        use_program(s, own, PASS_DEPTH, false);
+        own->transformed += sphere_blocks_keep(&own->blocks, &s->mesh);
+    }
+    use_program(s, own, pass, kept);
+    sphere_blocks_draw(&own->blocks, &s->mesh, kept);
 }
 
 void clipmap_sphere_stats(const struct clipmap_sphere *s, struct renderer_stats *stats)
@@ -402,14 +293,15 @@ void clipmap_sphere_stats(const struct clipmap_sphere *s, struct renderer_stats 
     level_outer = fmin(fmax(level_outer, own->finest_there), s->shape.coarsest);
     level_inner = fmin(fmax(level_inner, own->finest_there), s->shape.coarsest);
     *stats = (struct renderer_stats){
-        .triangles = own->selection.triangles,
+        .triangles = own->blocks.triangles,
         .claimed_error_px = NAN,
-        .resident_bytes =
-            (uint64_t)s->row * (uint64_t)s->rings.count * 16 + texture * (uint64_t)s->view_count,
+        .resident_bytes = sphere_mesh_bytes(&s->mesh) +
+                          (texture + sphere_blocks_bytes(&own->blocks, &s->mesh)) * (uint64_t)s->view_count,
         .counters = {{"levels drawn", ceil(level_outer) - floor(level_inner) + 1},
                      {"rings drawn", own->range.inner - own->range.outer + 1},
-                     {"blocks drawn", own->selection.draws},
-                     {"blocks", own->selection.blocks},
+                     {"blocks drawn", own->blocks.draws},
+                     {"blocks", own->blocks.part_count * SPHERE_SECTORS},
+                     {"vertices kept anew", (double)own->transformed},
                      {"samples updated", (double)own->texels_read},
                      {"levels behind", own->finest_there - s->shape.finest}},
     };
@@ -418,16 +310,12 @@ void clipmap_sphere_stats(const struct clipmap_sphere *s, struct renderer_stats 
 void clipmap_sphere_destroy(struct clipmap_sphere *s)
 {
     if (!s) return;
-    for (int pass = 0; pass < PASS_COUNT; pass++) gpu_program_finish(&s->programs[pass].program);
+    for (int k = 0; k < 2 * PASS_COUNT; k++) gpu_program_finish(&s->programs[k / 2][k % 2].program);
     for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {
         if (s->views[i].heights) glDeleteTextures(1, &s->views[i].heights);
-        free(s->views[i].selection.counts);
-        free(s->views[i].selection.first_index);
-        free(s->views[i].selection.base_vertex);
+        sphere_blocks_finish(&s->views[i].blocks);
     }
-    if (s->vertex_array) glDeleteVertexArrays(1, &s->vertex_array);
-    if (s->vertices) glDeleteBuffers(1, &s->vertices);
-    if (s->indices) glDeleteBuffers(1, &s->indices);
+    sphere_mesh_finish(&s->mesh);
     free(s->scratch);
     free(s->columns);
     free(s);
@@ -445,13 +333,12 @@ struct clipmap_sphere *clipmap_sphere_create(const struct renderer_desc *desc,
     s->rings = sphere_rings_make(choice->n);
     sphere_shape_init(&s->shape, desc->terrain, s->rings.azimuths);
     s->layers = s->shape.coarsest - s->shape.finest + 1;
-    s->max_blocks = (s->rings.count / RINGS_A_BLOCK + 20) * SPHERE_SECTORS;
     size_t texels = (size_t)s->shape.size * (size_t)s->shape.size;
     s->scratch = malloc(texels * sizeof *s->scratch);
     s->columns = malloc((texels + 1) * sizeof *s->columns);
     if (!s->scratch || !s->columns)
         fail("clipmap: no memory for %zu texels", texels);
-    else if (create_geometry(s) && build_programs(s, desc->effects))
+    else if (sphere_mesh_init(&s->mesh, s->gpu, &s->rings) && build_programs(s, desc->effects))
         return s;
     clipmap_sphere_destroy(s);
     return NULL;

@@ -4,6 +4,7 @@
 // clang-format off
 //   sphere_rings     rings, what of them is seen, where a vertex samples       (sections 3, 4.5, 5.1)
 //   sphere_levels    windows of heights about the viewer                       (sections 4.1 to 4.3)
+//   sphere_mesh      the rings' buffers, blocks of them, their vertices kept    (sections 3.4, 6.1)
 //   sphere           the renderer: GL; clipmap.c hands over to it when the terrain is a sphere
 // clang-format on
 // SPDX-License-Identifier: MIT
@@ -16,6 +17,7 @@
 struct sphere_choice {
     int n;           // the renderer's quality knob
     bool cull;       // blocks outside the frustum are not drawn
+    bool keep;       // transformed vertices, while the eye stands still
     bool rebuild;    // every level is read whole each frame
     uint64_t budget; // texels a frame but the first; UINT64_MAX: no limit
     enum sphere_form form;

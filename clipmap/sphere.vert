@@ -1,7 +1,16 @@
 // A vertex of a ring about the viewer over a sphere (Clasen & Hege 2006, sections 3.3 and 5.1): it turns with the pattern,
 // finds its longitude and latitude relative to the viewer's, samples one level or a blend of two, and is placed radially.
 // SIZE: texels on a side.  FORM: 0 stable, 1 corrected, 2 published (sphere_rings.h); sphere_angles() is this program's twin.
+// KEPT: all of this was done in a frame before.
 
+#ifdef KEPT
+layout(location = 0) in vec3 kept;
+
+vec3 relative_position()
+{
+    return kept;
+}
+#else
 layout(location = 0) in vec4 ring; // east, north, 1 - cos(angle), and the ring's number
 
 uniform sampler2DArray heights;
@@ -76,3 +85,4 @@ vec3 relative_position()
     float distance = axes[1].w + z;
     return vec3(distance * v.xy, z - distance * v.z);
 }
+#endif

@@ -73,3 +73,17 @@ void gpu_capture_flush(struct gpu *gpu)
         gpu->debug_errors++;
     }
 }
+
+void gpu_transform_vertices(struct gpu *gpu, GLuint buffer, size_t first, size_t count)
+{
+    const size_t size = 3 * sizeof(float);
+    gpu_capture_flush(gpu); // one transform feedback at a time
+    glBindBufferRange(GL_TRANSFORM_FEEDBACK_BUFFER, 0, buffer, (GLintptr)(first * size),
+                      (GLsizeiptr)(count * size));
+    glEnable(GL_RASTERIZER_DISCARD);
+    glBeginTransformFeedback(GL_POINTS);
+    glDrawArrays(GL_POINTS, (GLint)first, (GLsizei)count);
+    glEndTransformFeedback();
+    if (!gpu->capture.open) glDisable(GL_RASTERIZER_DISCARD);
+    glBindBufferBase(GL_TRANSFORM_FEEDBACK_BUFFER, 0, 0);
+}

@@ -151,6 +151,10 @@ void gpu_target_read_depth(struct gpu *gpu, const struct gpu_target *target, flo
 bool gpu_capture_begin(struct gpu *gpu, gpu_capture_fn *receive, void *user);
 void gpu_capture_end(struct gpu *gpu);
 
+// Runs the vertex stage of the program in use, which must not be one of the position pass, over vertices of
+// the bound vertex array, and writes where it puts them to the same vertices of `buffer`, 3 floats each.
+void gpu_transform_vertices(struct gpu *gpu, GLuint buffer, size_t first, size_t count);
+
 void gpu_finish(struct gpu *gpu); // glFinish
 
 #endif
