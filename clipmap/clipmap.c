@@ -55,7 +55,11 @@ static const struct renderer_knob knobs[] = {
      "samples read a frame but the first, coarse levels first; what it does not reach is cropped (0: no "
      "limit)",
      0, 0, 1e9, NULL},
-    {"throttle", "share of a level's samples that is drawn: less is faster and coarser", 1, 0.01, 1, NULL},
+    {"throttle",
+     "share of the levels' samples that is drawn, of smaller levels and, where they cannot get smaller, "
+     "fewer: "
+     "less is faster and coarser",
+     1, 0.01, 1, NULL},
     {"ahead", "lines that a refill reads ahead of the motion: fewer refills, more memory", 0, 0, 64, NULL},
     {"regions", "squares about the viewer, or fitted to what a frustum narrower than 90 degrees sees", 0, 0,
      1, "viewer|frustum"},

@@ -84,6 +84,17 @@ static void set_sides(struct clipmap_shape *shape, int k, int n)
     shape->drawn[k] = odd_side(n * sqrt(shape->rules.throttle));
 }
 
+// Where levels cannot get as small as the throttle asks, the finest ones are left out.
+static void leave_out(struct clipmap_shape *shape)
+{
+    double most = 0, drawn = 0;
+    for (int k = 0; k < shape->levels; k++) most += shape->rules.throttle * shape->kept[k] * shape->kept[k];
+    for (int k = shape->levels - 1; k >= 0; k--) {
+        drawn += shape->drawn[k] * shape->drawn[k];
+        if (drawn <= most || k == shape->levels - 1) shape->finest = k;
+    }
+}
+
 void clipmap_shape_init(struct clipmap_shape *shape, const struct clipmap_rules *rules, int available,
                         const struct terrain_extent *finest, double finest_spacing_m)
 {
@@ -105,6 +116,7 @@ void clipmap_shape_init(struct clipmap_shape *shape, const struct clipmap_rules 
         shape->levels++;
     } while (longest > shape->drawn[0] && shape->levels < available);
     shape->size = (int)larger(rules->n, longest) + CLIPMAP_MARGIN + rules->ahead;
+    leave_out(shape);
 }
 
 void clipmap_shape_by_error(struct clipmap_shape *shape, const double *error_m)
@@ -119,6 +131,7 @@ void clipmap_shape_by_error(struct clipmap_shape *shape, const double *error_m)
         if (k > 0) n = (int)larger(n, odd_side(0.75 * shape->kept[k - 1]));
         set_sides(shape, k, n);
     }
+    leave_out(shape);
 }
 
 static bool is_coarsest(const struct clipmap_shape *shape, int k)
@@ -313,6 +326,7 @@ static void set_active(const struct clipmap_shape *shape, int k, const struct cl
                        const struct clipmap_region *coarser, struct clipmap_region *region)
 {
     *region = (struct clipmap_region){.active = clipmap_empty, .hole = clipmap_empty, .width = 1};
+    if (k < shape->finest) return;
     if (coarser && clipmap_box_is_empty(&coarser->active)) return; // then all finer levels are empty too
     region->active = wanted(shape, k, side_drawn(shape, k, fits), square, height_m, fits);
     if (clipmap_box_is_empty(&region->active)) return;

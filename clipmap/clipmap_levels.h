@@ -53,16 +53,17 @@ struct clipmap_rules { // what a user chooses
     double transition; // width of the morph, as a share of n
     enum clipmap_alpha alpha;
     bool fade;       // fade a level before height switches it off (CM6)
-    double throttle; // share of a level's samples that is drawn, 0 .. 1: complexity throttling, section 1
+    double throttle; // share of the levels' samples that is drawn, 0 .. 1: complexity throttling, section 1
     int ahead;       // lines that a refill reads beyond what is wanted, the way the viewer moves: section 5
 };
 
 struct clipmap_shape { // what stays the same in flight
     struct clipmap_rules rules;
-    int levels;                                 // the last holds the whole map
-    int size;                                   // samples on a side of the toroidal store of a level
-    int kept[CLIPMAP_MAX_LEVELS];               // samples on a side of the square about the viewer in memory
-    int drawn[CLIPMAP_MAX_LEVELS];              // and drawn: throttled, at least 11 (CM3); both odd
+    int levels;                    // the last holds the whole map
+    int size;                      // samples on a side of the toroidal store of a level
+    int kept[CLIPMAP_MAX_LEVELS];  // samples on a side of the square about the viewer in memory
+    int drawn[CLIPMAP_MAX_LEVELS]; // and drawn: throttled, at least 11 (CM3); both odd
+    int finest; // that is drawn: 0, unless 11 x 11 samples of every level are more than the throttle's share
     struct clipmap_box map[CLIPMAP_MAX_LEVELS]; // the map, rounded outward to even samples
     double spacing_m[CLIPMAP_MAX_LEVELS];       // larger of x and y
 };

@@ -353,6 +353,35 @@ static void sizes_follow_the_error_and_the_throttle(void **state)
     }
 }
 
+static void what_cannot_be_smaller_is_left_out(void **state)
+{
+    (void)state;
+    static const double shares[] = {1, 0.9, 0.5, 0.25, 0.1, 0.01};
+    for (int n = 15; n <= 255; n += 16) {
+        int before = 0;
+        for (size_t s = 0; s < sizeof shares / sizeof *shares; s++) {
+            struct clipmap_rules rules = rules_of(n, CLIPMAP_ALPHA_STABLE);
+            struct world world;
+            rules.throttle = shares[s];
+            world_init(&world, &rules, 0, 0, 5000, 5000);
+            const struct clipmap_shape *shape = &world.shape;
+            int last = shape->levels - 1, side = shape->drawn[0];
+            double most = shares[s] * shape->levels * n * n, all = side * side;
+            assert_true((last - shape->finest + 1) * all <= most || shape->finest == last);
+            assert_true(shape->finest == 0 ||
+                        (last - shape->finest + 2) * all > most); // and no more than need be
+            assert_true(shape->finest == 0 || side == 11);
+            assert_true(shape->finest >= before);
+            before = shape->finest;
+            stand(&world, 2500, 2500);
+            clipmap_regions(shape, world.eyes, 0, NULL, NULL, world.regions);
+            for (int k = 0; k <= last; k++)
+                assert_true(clipmap_box_is_empty(&world.regions[k].active) == (k < shape->finest));
+            check_nesting(&world, NULL);
+        }
+    }
+}
+
 static void viewer_is_within_a_cell_of_the_centre(void **state)
 {
     (void)state;
@@ -595,6 +624,7 @@ int main(void)
         cmocka_unit_test(b2_too_fine_a_lattice_fails),
         cmocka_unit_test(regions_nest),
         cmocka_unit_test(sizes_follow_the_error_and_the_throttle),
+        cmocka_unit_test(what_cannot_be_smaller_is_left_out),
         cmocka_unit_test(viewer_is_within_a_cell_of_the_centre),
         cmocka_unit_test(small_maps_are_covered),
         cmocka_unit_test(cm6_levels_fade_with_height),
