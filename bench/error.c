@@ -339,6 +339,50 @@ void frame_error_measure(struct frame_error *error, const struct terrain *terrai
     error->beyond_window = m.beyond_window;
 }
 
+// ---- holes alone --------------------------------------------------------------------------------
+
+// Marks the pixels, other than undrawn ones, that tell whether undrawn ground at (x, y) is a hole: those
+// about it, and those of its column in which the skyline may be near enough.
+static void want_around(uint8_t *wanted, const struct frame_error *error, int x, int y)
+{
+    enum { FAR = HOLE_UNDER_SKYLINE + 1 };
+    for (int j = y - FAR; j <= y + FAR; j++)
+        for (int i = x - 1; i <= x + 1; i++) {
+            if (i < 0 || j < 0 || i >= error->width || j >= error->height) continue;
+            size_t pixel = (size_t)j * (size_t)error->width + (size_t)i;
+            if ((i == x || abs(j - y) <= 1) && error->kind[pixel] == PIXEL_GROUND) wanted[pixel] = 1;
+        }
+}
+
+void frame_error_holes(struct frame_error *error, struct truth *truth, const struct truth_surface *surface,
+                       const struct view *view, const float *positions, int threads)
+{
+    size_t pixels = (size_t)error->width * (size_t)error->height;
+    uint8_t *wanted = (uint8_t *)error->scratch, *kind = error->kind;
+    for (size_t k = 0; k < pixels; k++) {
+        wanted[k] = !is_drawn(positions + 4 * k);
+        kind[k] = wanted[k] ? PIXEL_SKY : PIXEL_GROUND;
+    }
+    truth_cast_some(truth, surface, view, wanted, threads);
+    for (size_t k = 0; k < pixels; k++)
+        if (wanted[k] && truth->pixels[k].depth > 0) kind[k] = PIXEL_HOLE;
+    memset(wanted, 0, pixels);
+    for (size_t k = 0; k < pixels; k++)
+        if (kind[k] == PIXEL_HOLE)
+            want_around(wanted, error, (int)(k % (size_t)error->width), (int)(k / (size_t)error->width));
+    truth_cast_some(truth, surface, view, wanted, threads);
+    for (size_t k = 0; k < pixels; k++) {
+        if (wanted[k] && !(truth->pixels[k].depth > 0)) kind[k] = PIXEL_SPILL;
+        wanted[k] = kind[k] == PIXEL_HOLE;
+    }
+    truth_mark_some(truth, surface, view, wanted, threads);
+    for (size_t k = 0; k < pixels; k++)
+        if (wanted[k] && truth->pixels[k].skyline) kind[k] = PIXEL_SKY;
+    open_regions(error);
+    for (int x = 0; x < error->width; x++) measure_skyline(error, x, view->up[2] >= 0);
+    count_kinds(error);
+}
+
 // ---- the picture --------------------------------------------------------------------------------
 
 void frame_error_colour(double error_px, uint8_t rgb[3])

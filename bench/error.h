@@ -72,6 +72,12 @@ void frame_error_measure(struct frame_error *error, const struct terrain *terrai
                          const struct truth *truth, const float *positions, const struct places *hits,
                          int threads);
 
+// The same holes and misses, and nothing else, for a small part of the rays: those through undrawn pixels,
+// and those that tell holes from misses around undrawn ground.  Casts them into `truth`, of the picture's
+// size.  Of `kind` drawn pixels are PIXEL_GROUND where no ray was needed, and `ground` counts these, too.
+void frame_error_holes(struct frame_error *error, struct truth *truth, const struct truth_surface *surface,
+                       const struct view *view, const float *positions, int threads);
+
 // Whether a drawn point belongs to another surface than the truth's hit in its pixel: the order mismatch.
 bool frame_error_other_surface(double plane_px, double drawn_depth, double truth_depth);
 

@@ -1,5 +1,6 @@
 // `bench fly`: a long flight of each renderer, one after the other, for maps that only fit on disk.  Every
-// frame is drawn and timed, memory is watched, and some frames are held against the truth.
+// frame is drawn and timed and searched for holes, memory is watched, and some frames are held against the
+// truth.
 // SPDX-License-Identifier: MIT
 #include "bench/fly.h"
 
@@ -29,18 +30,20 @@ struct look { // what a frame is held against the truth with
 struct flight {       // what came of one renderer
     double *frame_ms; // wall clock
     double cpu_ms;    // of the whole process, all frames
-    int frames, looks;
-    uint64_t ground, holes, misses, spills;
+    int frames, looks, searches;
+    uint64_t ground, holes, misses, spills;                  // of the looks
+    uint64_t drawn, open_holes, open_misses;                 // of the searches
     double error_px;                                         // largest p99.9 of a frame
     size_t resident, terrain_resident, renderer_resident;    // most, bytes
     struct renderer_counter counters[RENDERER_MAX_COUNTERS]; // sums
 };
 
-static volatile sig_atomic_t interrupted;
+static volatile sig_atomic_t interrupted, flying;
 
 static void on_interrupt(int signal_number)
 {
     (void)signal_number;
+    if (interrupted || !flying) _exit(EXIT_INTERRUPTED); // nothing to tell, or it takes too long
     interrupted = 1;
 }
 
@@ -85,7 +88,9 @@ static bool look_init(struct look *look, const struct run *run)
     look->positions = malloc((size_t)width * (size_t)height * 4 * sizeof *look->positions);
     if (!look->surface) return false;
     if (!look->positions) return fail("out of memory");
-    return truth_init(&look->truth, width, height) && frame_error_init(&look->error, width, height);
+    if (!truth_init(&look->truth, width, height)) return false;
+    look->truth.interrupted = &interrupted;
+    return frame_error_init(&look->error, width, height);
 }
 
 static void receive_triangles(const float *triangles, size_t count, void *user)
@@ -95,17 +100,48 @@ static void receive_triangles(const float *triangles, size_t count, void *user)
     ridges_feed(&look->ridges, triangles, count);
 }
 
+static void receive_ridges(const float *triangles, size_t count, void *user)
+{
+    ridges_feed(user, triangles, count);
+}
+
+static void read_positions(struct look *look, struct run *run, const struct setting *setting)
+{
+    gpu_target_begin(run->gpu, &run->position);
+    setting->type->draw(setting->renderer, 0, PASS_POSITION);
+    gpu_target_read(run->gpu, &run->position, look->positions);
+}
+
+// Searches what was drawn last for holes.
+static bool search(struct look *look, struct run *run, const struct setting *setting, const struct view *view,
+                   struct flight *flight)
+{
+    read_positions(look, run, setting);
+    if (!ridges_begin(&look->ridges, view, look->positions)) return false;
+    if (look->ridges.count > 0) {
+        if (!gpu_capture_begin(run->gpu, receive_ridges, &look->ridges)) return false;
+        setting->type->draw(setting->renderer, 0, PASS_DEPTH);
+        gpu_capture_end(run->gpu);
+    }
+    frame_error_holes(&look->error, &look->truth, look->surface, view, look->positions, run->options.threads);
+    if (interrupted) return true;
+    flight->searches++;
+    flight->drawn += look->error.ground + look->error.spills;
+    flight->open_holes += look->error.holes;
+    flight->open_misses += look->error.misses;
+    return true;
+}
+
 // Holds what was drawn last against the truth.
 static bool look_at(struct look *look, struct run *run, const struct setting *setting,
                     const struct view *view, struct flight *flight)
 {
     truth_cast(&look->truth, look->surface, view, run->options.threads);
+    if (interrupted) return true;
     places_destroy(look->hits);
     look->hits = truth_places(&look->truth, run->options.threads);
     if (!look->hits) return false;
-    gpu_target_begin(run->gpu, &run->position);
-    setting->type->draw(setting->renderer, 0, PASS_POSITION);
-    gpu_target_read(run->gpu, &run->position, look->positions);
+    read_positions(look, run, setting);
     if (!ridges_begin(&look->ridges, view, look->positions) ||
         !gpu_capture_begin(run->gpu, receive_triangles, look))
         return false;
@@ -177,6 +213,9 @@ static void print_flight(const struct setting *setting, struct flight *f)
         f->frame_ms[last], f->cpu_ms / f->frames);
     printf("  memory: process at most %.0f MiB, terrain %.0f, renderer %.0f\n", (double)f->resident / 0x1p20,
            (double)f->terrain_resident / 0x1p20, (double)f->renderer_resident / 0x1p20);
+    printf("  %d frames searched: %llu pixels drawn, holes %llu, misses %llu\n", f->searches,
+           (unsigned long long)f->drawn, (unsigned long long)f->open_holes,
+           (unsigned long long)f->open_misses);
     printf("  %d frames held against the truth: %llu pixels of ground, holes %llu, misses %llu, spills %llu; "
            "error p99.9 at most %.2f px\n ",
            f->looks, (unsigned long long)f->ground, (unsigned long long)f->holes,
@@ -187,7 +226,16 @@ static void print_flight(const struct setting *setting, struct flight *f)
     fflush(stdout);
 }
 
-static bool fly_setting(struct run *run, struct setting *setting, int look_every)
+struct every { // so many frames, 0: none
+    int search, look;
+};
+
+static bool is_due(int frame, int every)
+{
+    return every > 0 && frame % every == 0 && !interrupted;
+}
+
+static bool fly_setting(struct run *run, struct setting *setting, const struct every *every)
 {
     struct renderer_desc desc = {.gpu = run->gpu,
                                  .terrain = run->scene->terrain,
@@ -204,8 +252,10 @@ static bool fly_setting(struct run *run, struct setting *setting, int look_every
     for (int frame = 0; frame < run->frames && good && !interrupted; frame++) {
         struct view view;
         good = draw_frame(run, setting, frame, &view, &flight);
-        if (good && look_every > 0 && frame % look_every == 0 && setting->type != &null_renderer)
-            good = look_at(&look, run, setting, &view, &flight);
+        flying = 1; // there is something to tell
+        if (setting->type == &null_renderer) continue;
+        if (good && is_due(frame, every->search)) good = search(&look, run, setting, &view, &flight);
+        if (good && is_due(frame, every->look)) good = look_at(&look, run, setting, &view, &flight);
     }
     flight.resident = peak_resident();
     if (good && flight.frames) print_flight(setting, &flight);
@@ -218,7 +268,7 @@ static bool fly_setting(struct run *run, struct setting *setting, int look_every
 
 // ---- the command -----------------------------------------------------------
 
-static int fly_all(struct run *run, int look_every)
+static int fly_all(struct run *run, const struct every *every)
 {
     const struct run_options *o = &run->options;
     enum gpu_backend backend = GPU_OFFSCREEN;
@@ -232,7 +282,7 @@ static int fly_all(struct run *run, int look_every)
     bool good = run->gpu && gpu_target_init(run->gpu, &run->shaded, width, height, GL_RGBA8) &&
                 gpu_target_init(run->gpu, &run->position, width, height, GL_RGBA32F);
     for (int s = 0; s < run->setting_count && good && !interrupted; s++)
-        good = fly_setting(run, &run->settings[s], look_every);
+        good = fly_setting(run, &run->settings[s], every);
     return !good ? EXIT_WORLD : interrupted ? EXIT_INTERRUPTED : EXIT_GOOD;
 }
 
@@ -244,7 +294,7 @@ int fly_main(int argc, char **argv)
         (struct run_options){.sweep = "quick", .renderers = "clipmap:n=127,geomipmap:tau=2,pgm:rows=300"};
     struct run_options *o = &run->options;
     bool help = false;
-    int look_every = 50;
+    struct every every = {1, 50};
     const struct cli_option options[] = {
         {"scene", "FILE", "scene to fly (default: the one that the program carries)", CLI_TEXT, &o->scene, 0,
          0, NULL},
@@ -257,8 +307,10 @@ int fly_main(int argc, char **argv)
          0, 0, NULL},
         {"frames", "N", "resample the whole path to N frames (default: the path's own)", CLI_INT, &o->frames,
          1, 100000, NULL},
-        {"look", "N", "every N-th frame is held against the truth; 0: none (default: 50)", CLI_INT,
-         &look_every, 0, 100000, NULL},
+        {"search", "N", "every N-th frame is searched for holes; 0: none (default: 1)", CLI_INT,
+         &every.search, 0, 100000, NULL},
+        {"look", "N", "every N-th frame is held against the truth, pixel by pixel; 0: none (default: 50)",
+         CLI_INT, &every.look, 0, 100000, NULL},
         {"size", "WxH", "picture in pixels (default: the scene's)", CLI_SIZE, o->size, 1, 16384, NULL},
         {"threads", "N", "threads of the measures (default: every processor); changes no result", CLI_INT,
          &o->threads, 1, 64, NULL},
@@ -274,7 +326,7 @@ int fly_main(int argc, char **argv)
         } else {
             signal(SIGINT, on_interrupt);
             signal(SIGTERM, on_interrupt);
-            code = fly_all(run, look_every);
+            code = fly_all(run, &every);
         }
     }
     run_finish(run);

@@ -500,57 +500,30 @@ struct casting {
     struct truth *truth;
     const struct truth_surface *surface;
     const struct view *view;
-    double origin[3]; // the eye, in cells and quanta
+    const uint8_t *wanted; // NULL: all pixels
+    bool marks;            // skylines of pixels that have been cast
+    double origin[3];      // the eye, in cells and quanta
 };
 
-static bool cast_pixel(const struct casting *c, struct cells *cells, int x, int y, struct truth_pixel *pixel)
+// What one thread holds while it casts.
+struct hand {
+    struct cells cells;        // on the plane
+    struct truth_tiles *tiles; // on a sphere
+};
+
+static bool meets_plane(const struct casting *c, struct cells *cells, const double ray_m[3],
+                        struct truth_pixel *pixel)
 {
     const struct truth_surface *s = c->surface;
-    double ray_m[3];
+    const double ray[3] = {ray_m[0] / s->spacing_m[0], ray_m[1] / s->spacing_m[1], ray_m[2] / s->quantum_m};
     struct hit hit;
-    view_ray(c->view, x, y, ray_m);
-    double ray[3] = {ray_m[0] / s->spacing_m[0], ray_m[1] / s->spacing_m[1], ray_m[2] / s->quantum_m};
-    if (!cast(s, cells, c->origin, ray, c->view->near_m, &hit)) {
-        *pixel = (struct truth_pixel){0};
-        return false;
-    }
+    if (!cast(s, cells, c->origin, ray, c->view->near_m, &hit)) return false;
     pixel->depth = hit.t;
     pixel->relative[0] = hit.t * ray_m[0];
     pixel->relative[1] = hit.t * ray_m[1];
     pixel->relative[2] = (hit.height_q - c->origin[2]) * s->quantum_m;
     for (int k = 0; k < 2; k++) pixel->slope[k] = (float)(hit.slope_q[k] * s->quantum_m / s->spacing_m[k]);
-    pixel->skyline = false;
     return true;
-}
-
-static bool borders_other(const struct truth *truth, int x, int y)
-{
-    bool ground = truth->pixels[(size_t)y * (size_t)truth->width + (size_t)x].depth > 0;
-    for (int j = y > 0 ? y - 1 : y; j <= y + 1 && j < truth->height; j++)
-        for (int i = x > 0 ? x - 1 : x; i <= x + 1 && i < truth->width; i++)
-            if ((truth->pixels[(size_t)j * (size_t)truth->width + (size_t)i].depth > 0) != ground)
-                return true;
-    return false;
-}
-
-void truth_snap_ray(const struct view *view, int x, int y, int ray, double direction[3])
-{
-    static const double around[TRUTH_SNAP_RAYS][2] = {{1, 0},   {-1, 0},   {0, 1},    {0, -1},
-                                                      {.7, .7}, {-.7, .7}, {.7, -.7}, {-.7, -.7}};
-    view_ray(view, x, y, direction);
-    for (int axis = 0; axis < 3; axis++)
-        direction[axis] += TRUTH_SNAP_PX / view->pixels_per_tangent *
-                           (around[ray][0] * view->right[axis] + around[ray][1] * view->up[axis]);
-}
-
-// ---- a picture of a sphere ----------------------------------------------------------------------
-
-static bool cast_sphere(const struct casting *c, struct truth_tiles *tiles, const double ray[3],
-                        struct truth_sphere_hit *hit)
-{
-    double direction[3];
-    view_world_direction(c->view, ray, direction);
-    return truth_sphere_cast(c->surface->sphere, tiles, c->view->eye_m, direction, c->view->near_m, hit);
 }
 
 // Slopes of the facet along the axes at the eye: where it stands upright there, as steep as a float can say.
@@ -563,131 +536,130 @@ static void set_slope(const double normal[3], const struct view *view, float slo
     for (int k = 0; k < 2; k++) slope[k] = (float)(-local[k] / up);
 }
 
-static bool cast_sphere_pixel(const struct casting *c, struct truth_tiles *tiles, int x, int y,
-                              struct truth_pixel *pixel)
+static bool meets_sphere(const struct casting *c, struct truth_tiles *tiles, const double ray_m[3],
+                         struct truth_pixel *pixel)
 {
-    double ray[3];
+    double direction[3];
     struct truth_sphere_hit hit;
-    *pixel = (struct truth_pixel){0};
-    view_ray(c->view, x, y, ray);
-    if (!cast_sphere(c, tiles, ray, &hit)) return false;
+    view_world_direction(c->view, ray_m, direction);
+    if (!truth_sphere_cast(c->surface->sphere, tiles, c->view->eye_m, direction, c->view->near_m, &hit))
+        return false;
     pixel->depth = hit.t;
-    for (int k = 0; k < 3; k++) pixel->relative[k] = hit.t * ray[k];
+    for (int k = 0; k < 3; k++) pixel->relative[k] = hit.t * ray_m[k];
     set_slope(hit.normal, c->view, pixel->slope);
     return true;
 }
 
-static bool sees_other_sphere(const struct casting *c, struct truth_tiles *tiles, int x, int y, bool ground)
+// False, and nothing of the pixel is set: sky.
+static bool meets(const struct casting *c, struct hand *hand, const double ray_m[3],
+                  struct truth_pixel *pixel)
 {
-    for (int k = 0; k < TRUTH_SNAP_RAYS; k++) {
-        double ray[3];
-        struct truth_sphere_hit hit;
-        truth_snap_ray(c->view, x, y, k, ray);
-        if (cast_sphere(c, tiles, ray, &hit) != ground) return true;
-    }
+    return c->surface->sphere ? meets_sphere(c, hand->tiles, ray_m, pixel)
+                              : meets_plane(c, &hand->cells, ray_m, pixel);
+}
+
+void truth_snap_ray(const struct view *view, int x, int y, int ray, double direction[3])
+{
+    static const double around[TRUTH_SNAP_RAYS][2] = {{1, 0},   {-1, 0},   {0, 1},    {0, -1},
+                                                      {.7, .7}, {-.7, .7}, {.7, -.7}, {-.7, -.7}};
+    view_ray(view, x, y, direction);
+    for (int axis = 0; axis < 3; axis++)
+        direction[axis] += TRUTH_SNAP_PX / view->pixels_per_tangent *
+                           (around[ray][0] * view->right[axis] + around[ray][1] * view->up[axis]);
+}
+
+static bool borders_other(const struct truth *truth, int x, int y)
+{
+    bool ground = truth->pixels[(size_t)y * (size_t)truth->width + (size_t)x].depth > 0;
+    for (int j = y > 0 ? y - 1 : y; j <= y + 1 && j < truth->height; j++)
+        for (int i = x > 0 ? x - 1 : x; i <= x + 1 && i < truth->width; i++)
+            if ((truth->pixels[(size_t)j * (size_t)truth->width + (size_t)i].depth > 0) != ground)
+                return true;
     return false;
-}
-
-static void cast_sphere_rows(int block, void *user)
-{
-    const struct casting *c = user;
-    struct truth *truth = c->truth;
-    struct truth_tiles *tiles = truth_tiles_create(c->surface->sphere);
-    for (int y = block * ROWS_A_BLOCK; tiles && y < (block + 1) * ROWS_A_BLOCK && y < truth->height; y++) {
-        size_t ground = 0;
-        for (int x = 0; x < truth->width; x++)
-            ground += cast_sphere_pixel(c, tiles, x, y,
-                                        &truth->pixels[(size_t)y * (size_t)truth->width + (size_t)x]);
-        truth->row_first[y + 1] = ground;
-    }
-    truth_tiles_destroy(tiles);
-}
-
-static void mark_sphere_skyline(int block, void *user)
-{
-    const struct casting *c = user;
-    struct truth *truth = c->truth;
-    struct truth_tiles *tiles = truth_tiles_create(c->surface->sphere);
-    for (int y = block * ROWS_A_BLOCK; tiles && y < (block + 1) * ROWS_A_BLOCK && y < truth->height; y++)
-        for (int x = 0; x < truth->width; x++) {
-            struct truth_pixel *pixel = &truth->pixels[(size_t)y * (size_t)truth->width + (size_t)x];
-            if (borders_other(truth, x, y))
-                pixel->skyline = sees_other_sphere(c, tiles, x, y, pixel->depth > 0);
-        }
-    truth_tiles_destroy(tiles);
 }
 
 // Whether a ray next to the centre sees the other of ground and sky.
-static bool sees_other(const struct casting *c, struct cells *cells, int x, int y, bool ground)
+static bool sees_other(const struct casting *c, struct hand *hand, int x, int y, bool ground)
 {
-    const struct truth_surface *s = c->surface;
-    const double unit_m[3] = {s->spacing_m[0], s->spacing_m[1], s->quantum_m};
     for (int k = 0; k < TRUTH_SNAP_RAYS; k++) {
-        double ray[3];
-        struct hit hit;
-        truth_snap_ray(c->view, x, y, k, ray);
-        for (int axis = 0; axis < 3; axis++) ray[axis] /= unit_m[axis];
-        if (cast(s, cells, c->origin, ray, c->view->near_m, &hit) != ground) return true;
+        double ray_m[3];
+        struct truth_pixel seen;
+        truth_snap_ray(c->view, x, y, k, ray_m);
+        if (meets(c, hand, ray_m, &seen) != ground) return true;
     }
     return false;
 }
 
-static void mark_skyline(int block, void *user)
+static void cast_pixel(const struct casting *c, struct hand *hand, int x, int y, struct truth_pixel *pixel)
 {
-    const struct casting *c = user;
-    struct truth *truth = c->truth;
-    struct cells cells = {.terrain = c->surface->terrain};
-    for (int y = block * ROWS_A_BLOCK; y < (block + 1) * ROWS_A_BLOCK && y < truth->height; y++)
-        for (int x = 0; x < truth->width; x++) {
-            struct truth_pixel *pixel = &truth->pixels[(size_t)y * (size_t)truth->width + (size_t)x];
-            if (borders_other(truth, x, y)) pixel->skyline = sees_other(c, &cells, x, y, pixel->depth > 0);
-        }
-    terrain_page_release(c->surface->terrain, &cells.page);
+    double ray_m[3];
+    if (c->marks) {
+        if (borders_other(c->truth, x, y)) pixel->skyline = sees_other(c, hand, x, y, pixel->depth > 0);
+        return;
+    }
+    view_ray(c->view, x, y, ray_m);
+    *pixel = (struct truth_pixel){0};
+    meets(c, hand, ray_m, pixel);
 }
 
 static void cast_rows(int block, void *user)
 {
     const struct casting *c = user;
     struct truth *truth = c->truth;
-    struct cells cells = {.terrain = c->surface->terrain};
-    int end = (block + 1) * ROWS_A_BLOCK;
-    if (end > truth->height) end = truth->height;
-    for (int y = block * ROWS_A_BLOCK; y < end; y++) {
-        size_t ground = 0;
-        for (int x = 0; x < truth->width; x++)
-            ground +=
-                cast_pixel(c, &cells, x, y, &truth->pixels[(size_t)y * (size_t)truth->width + (size_t)x]);
-        truth->row_first[y + 1] = ground;
+    struct hand hand = {.cells = {.terrain = c->surface->terrain}};
+    int end = (block + 1) * ROWS_A_BLOCK < truth->height ? (block + 1) * ROWS_A_BLOCK : truth->height;
+    if (c->surface->sphere && !(hand.tiles = truth_tiles_create(c->surface->sphere))) return;
+    for (int y = block * ROWS_A_BLOCK; y < end && !(truth->interrupted && *truth->interrupted); y++)
+        for (int x = 0; x < truth->width; x++) {
+            size_t pixel = (size_t)y * (size_t)truth->width + (size_t)x;
+            if (!c->wanted || c->wanted[pixel]) cast_pixel(c, &hand, x, y, &truth->pixels[pixel]);
+        }
+    terrain_page_release(c->surface->terrain, &hand.cells.page);
+    truth_tiles_destroy(hand.tiles);
+}
+
+static void cast_blocks(struct truth *truth, const struct truth_surface *surface, const struct view *view,
+                        const uint8_t *wanted, bool marks, int threads)
+{
+    struct casting casting = {truth, surface, view, wanted, marks, {0}};
+    truth->radius_m = view->radius_m;
+    if (!surface->sphere) { // the lattice gives the eye exactly, however far from the origin the map lies
+        struct view_origin origin = view_level_origin(view, surface->finest);
+        for (int k = 0; k < 2; k++)
+            casting.origin[k] = (double)(origin.base[k] - surface->first[k]) + (double)origin.fraction[k];
+        casting.origin[2] = ldexp((double)view->eye_height, -VIEW_HEIGHT_BITS);
     }
-    terrain_page_release(c->surface->terrain, &cells.page);
+    parallel_blocks((truth->height + ROWS_A_BLOCK - 1) / ROWS_A_BLOCK, threads, cast_rows, &casting);
 }
 
 static void count_rows(struct truth *truth)
 {
     truth->row_first[0] = 0;
-    for (int y = 0; y < truth->height; y++) truth->row_first[y + 1] += truth->row_first[y];
+    for (int y = 0; y < truth->height; y++) {
+        const struct truth_pixel *row = truth->pixels + (size_t)y * (size_t)truth->width;
+        truth->row_first[y + 1] = truth->row_first[y];
+        for (int x = 0; x < truth->width; x++) truth->row_first[y + 1] += row[x].depth > 0;
+    }
     truth->ground = truth->row_first[truth->height];
+}
+
+void truth_cast_some(struct truth *truth, const struct truth_surface *surface, const struct view *view,
+                     const uint8_t *wanted, int threads)
+{
+    cast_blocks(truth, surface, view, wanted, false, threads);
+}
+
+void truth_mark_some(struct truth *truth, const struct truth_surface *surface, const struct view *view,
+                     const uint8_t *wanted, int threads)
+{
+    cast_blocks(truth, surface, view, wanted, true, threads);
 }
 
 void truth_cast(struct truth *truth, const struct truth_surface *surface, const struct view *view,
                 int threads)
 {
-    struct casting casting = {truth, surface, view, {0}};
-    truth->radius_m = view->radius_m;
-    int blocks = (truth->height + ROWS_A_BLOCK - 1) / ROWS_A_BLOCK;
-    if (surface->sphere) {
-        parallel_blocks(blocks, threads, cast_sphere_rows, &casting);
-        parallel_blocks(blocks, threads, mark_sphere_skyline, &casting);
-        count_rows(truth);
-        return;
-    }
-    // The lattice gives the eye exactly, however far from the origin the map lies.
-    struct view_origin origin = view_level_origin(view, surface->finest);
-    for (int k = 0; k < 2; k++)
-        casting.origin[k] = (double)(origin.base[k] - surface->first[k]) + (double)origin.fraction[k];
-    casting.origin[2] = ldexp((double)view->eye_height, -VIEW_HEIGHT_BITS);
-    parallel_blocks(blocks, threads, cast_rows, &casting);
-    parallel_blocks(blocks, threads, mark_skyline, &casting);
+    truth_cast_some(truth, surface, view, NULL, threads);
+    truth_mark_some(truth, surface, view, NULL, threads);
     count_rows(truth);
 }
 

@@ -13,6 +13,8 @@
 #include "common/terrain/terrain.h"
 #include "common/view/view.h"
 
+#include <signal.h>
+
 // How far from a pixel's centre a rasteriser may place an edge: it snaps corners to a grid of 1/256 pixel,
 // each by half a step along both axes, and decides at a point interpolated between corners that moved as far.
 #define TRUTH_SNAP_PX (1.4142135623730951 / 256)
@@ -30,6 +32,8 @@ struct truth {
     size_t *row_first;          // ground pixels before each row; [height]: all of them
     uint64_t ground;            // pixels that see terrain
     double radius_m;            // of the view that was cast
+    // Borrowed, may be NULL: once it is not 0 no further row is cast, and the picture is not to be used.
+    const volatile sig_atomic_t *interrupted;
 };
 
 // How the caster reads the surface: cells of one height field.  The plane implements it over terrain_samples,
@@ -50,6 +54,14 @@ void truth_snap_ray(const struct view *view, int x, int y, int ray, double direc
 // Casts a ray through each pixel's centre, from depth near_m on.  The view is of the truth's size.
 void truth_cast(struct truth *truth, const struct truth_surface *surface, const struct view *view,
                 int threads);
+
+// The two halves of it for the pixels alone whose byte in `wanted`, width * height of them, is not 0 (NULL:
+// all): what their centres see; and, once they and their neighbours are known, whether the skyline passes.
+// The other pixels, row_first and ground stay as they are.
+void truth_cast_some(struct truth *truth, const struct truth_surface *surface, const struct view *view,
+                     const uint8_t *wanted, int threads);
+void truth_mark_some(struct truth *truth, const struct truth_surface *surface, const struct view *view,
+                     const uint8_t *wanted, int threads);
 
 // One ray from the eye, in the world; direction need not be unit.  False: sky.  *t: the hit is at eye + t *
 // direction.

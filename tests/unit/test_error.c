@@ -628,6 +628,61 @@ static void test_hard_views(void **state)
     assert_true(samples > 1000 && crossing > 0);
 }
 
+// Clears what a renderer leaves open: some cells, some blots of pixels, some of a column's upper pixels.
+static void open_up(struct frame *frame, const struct mesh *drawn, uint64_t *random)
+{
+    struct mesh open = *drawn;
+    for (int k = 0; k < 4; k++) open.skip[k] = (int)(test_random(random) % 17);
+    frame_draw(frame, &open);
+    for (int n = 0; n < 4; n++) {
+        int x0 = (int)(test_random(random) % 40), y0 = (int)(test_random(random) % 30);
+        int width = 1 + (int)(test_random(random) % 3), height = 1 + (int)(test_random(random) % 12);
+        for (int y = y0; y < y0 + height && y < frame->view.height; y++)
+            for (int x = x0; x < x0 + width && x < frame->view.width; x++) clear_pixel(frame, x, y, n == 0);
+        for (int y = drawn_top(frame, x0), k = 0; y >= 0 && k < height; y--, k++)
+            clear_pixel(frame, x0, y, false);
+    }
+}
+
+// With rays through a few pixels alone, the same pixels are holes and misses.
+static void test_holes_alone(void **state)
+{
+    (void)state;
+    uint64_t random = 6, holes = 0, misses = 0;
+    int views = test_size(300, 10000);
+    for (int k = 0; k < views; k++) {
+        enum { WIDTH = 40, HEIGHT = 30 };
+        struct frame frame;
+        struct frame_error alone;
+        struct truth truth;
+        struct mesh mesh = rough_mesh(17, &random), other = rough_mesh(17, &random);
+        struct camera camera = {{test_uniform(&random, -100, 600), test_uniform(&random, -100, 600),
+                                 test_uniform(&random, -20, 120)},
+                                test_uniform(&random, -4, 4),
+                                test_uniform(&random, -1.2, 0.3),
+                                k % 3 ? 0 : test_uniform(&random, -3.2, 3.2),
+                                test_uniform(&random, 30, 90) * DEGREES};
+        frame_open(&frame, &mesh, &camera, WIDTH, HEIGHT, 0);
+        open_up(&frame, k % 2 ? &mesh : &other, &random);
+        frame_measure(&frame, 2);
+        assert_true(truth_init(&truth, WIDTH, HEIGHT) && frame_error_init(&alone, WIDTH, HEIGHT));
+        frame_error_holes(&alone, &truth, frame.surface, &frame.view, frame.positions, 2);
+        for (int p = 0; p < WIDTH * HEIGHT; p++)
+            if (frame.error.kind[p] == PIXEL_HOLE || frame.error.kind[p] == PIXEL_MISS ||
+                alone.kind[p] == PIXEL_HOLE || alone.kind[p] == PIXEL_MISS)
+                assert_int_equal(alone.kind[p], frame.error.kind[p]);
+        assert_int_equal(alone.holes, frame.error.holes);
+        assert_int_equal(alone.misses, frame.error.misses);
+        holes += alone.holes, misses += alone.misses;
+        truth_finish(&truth);
+        frame_error_finish(&alone);
+        frame_close(&frame);
+    }
+    FIGURE("holes alone: %d views, %llu holes and %llu misses, the same pixels", views,
+           (unsigned long long)holes, (unsigned long long)misses);
+    assert_true(holes > 1000 && misses > 1000);
+}
+
 static void test_threads(void **state)
 {
     (void)state;
@@ -711,6 +766,7 @@ int main(void)
         cmocka_unit_test(test_misses_and_spills),
         cmocka_unit_test(test_needle),
         cmocka_unit_test(test_hard_views),
+        cmocka_unit_test(test_holes_alone),
         cmocka_unit_test(test_threads),
         cmocka_unit_test(test_colours),
     };
