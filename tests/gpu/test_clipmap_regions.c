@@ -69,7 +69,7 @@ static void budgeted_frames_have_no_holes(void **state)
     struct terrain *terrain = test_terrain(&hills);
     for (int s = 0; s < SIZES; s++) {
         struct tally tally = {.frames_behind = 0};
-        int views = test_size(3, VIEWS_A_SIZE);
+        int views = test_size(2, VIEWS_A_SIZE);
         teleport(f, terrain, sizes[s], views, &tally);
         FIGURE(
             "budget, n=%d: %d views, %lu frames, %lu behind: %lu and %lu pixels dropped; behind, %.2f of the "
@@ -201,7 +201,7 @@ static void throttled_levels_draw_less(void **state)
     struct terrain *terrain = test_terrain(&hills);
     static const double shares[] = {1, 0.5, 0.25};
     for (int s = 0; s < SIZES; s++) {
-        int n = sizes[s], views = test_size(n < 100 ? 6 : 2, VIEWS_A_SIZE);
+        int n = sizes[s], views = test_size(n < 100 ? 3 : 1, VIEWS_A_SIZE);
         double mean[3], levels[3];
         struct drops drops = {0, 0, 0};
         for (int t = 0; t < 3; t++) mean[t] = throttled(f, terrain, n, shares[t], views, &levels[t], &drops);
@@ -252,7 +252,7 @@ static void options_have_no_holes_and_cull_without_a_trace(void **state)
                                           "regions=frustum sizes=error throttle=0.5 ahead=4 layout=strips"};
     for (int o = 0; o < 5; o++) {
         struct drops drops = {0, 0, 0};
-        int views = test_size(4, 125); // of each size: 2,000 over all
+        int views = test_size(2, 125); // of each size: at full size 2,000 over all
         for (int s = 0; s < 4; s++) {
             char settings[2][128];
             snprintf(settings[0], sizeof settings[0], "n=%d cull=on %s", sizes[s], options[o]);
