@@ -29,7 +29,9 @@ enum {
     KNOB_NORMALS,
     KNOB_ANISOTROPY,
     KNOB_TRIGONOMETRY,
-    KNOB_KEEP
+    KNOB_KEEP,
+    KNOB_TEXTURE,
+    KNOB_FETCH
 };
 
 enum { N_MIN = 15, N_MAX = 1023 };
@@ -77,6 +79,14 @@ static const struct renderer_knob knobs[] = {
      "over a sphere: where vertices sample, in stable half angles, by acos in float, or as published",
      SPHERE_STABLE, 0, 2, "stable|corrected|published"},
     {"keep", "over a sphere: transformed vertices are kept while the eye stands still", 1, 0, 1, "off|on"},
+    {"texture",
+     "over a sphere: texels across what a level serves, as a share of a ring's vertices (published: 1/8 to "
+     "1/4)",
+     0.5, 0.125, 1, NULL},
+    {"fetch",
+     "over a sphere: texels that a vertex looks up: its triangle of the level, blended near the next; or, as "
+     "published, four of one level, or eight of two",
+     SPHERE_FETCH_SURFACE, 0, 2, "surface|four|eight"},
     {NULL, NULL, 0, 0, 0, NULL},
 };
 
@@ -570,6 +580,8 @@ static bool init_sphere(struct clipmap *c, const struct renderer_desc *desc)
                                    .rebuild = knobs_set[KNOB_REFILL] > 0,
                                    .budget = knobs_set[KNOB_BUDGET] > 0 ? (uint64_t)knobs_set[KNOB_BUDGET]
                                                                         : UINT64_MAX,
+                                   .texture = knobs_set[KNOB_TEXTURE],
+                                   .fetch = (enum sphere_fetch)knobs_set[KNOB_FETCH],
                                    .form = (enum sphere_form)knobs_set[KNOB_TRIGONOMETRY]};
     c->sphere = clipmap_sphere_create(desc, &choice);
     return c->sphere != NULL;

@@ -280,6 +280,35 @@ int clipmap_exposed(const struct clipmap_box *before, const struct clipmap_box *
     return count;
 }
 
+static bool reach_there(const struct clipmap_box *kept, const struct clipmap_box *now,
+                        clipmap_there_fn *there, void *user)
+{
+    struct clipmap_box exposed[4];
+    int count = clipmap_exposed(kept, now, exposed);
+    bool all = true;
+    for (int i = 0; i < count; i++) all = there(user, &exposed[i]) && all;
+    return all;
+}
+
+uint64_t clipmap_budget_there(const struct clipmap_box *kept, const struct clipmap_box *target,
+                              uint64_t budget, clipmap_there_fn *there, void *user)
+{
+    enum { STEPS = 8 };
+    uint64_t whole = clipmap_box_samples(target) - clipmap_box_samples(kept), reached = 0;
+    struct clipmap_box before = *kept;
+    bool all = true;
+    for (int step = 1; step <= STEPS; step++) {
+        uint64_t part = whole * (uint64_t)(step * step) / (STEPS * STEPS);
+        if (part > budget) part = budget;
+        struct clipmap_box now = clipmap_grown(kept, target, part);
+        if (clipmap_box_equal(&now, &before)) continue;
+        all = reach_there(kept, &now, there, user) && all;
+        if (all) reached = part;
+        before = now;
+    }
+    return reached;
+}
+
 int clipmap_unwrap(const struct clipmap_box *box, int size, struct clipmap_box pieces[4])
 {
     int count = 0;

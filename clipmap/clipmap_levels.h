@@ -113,6 +113,13 @@ struct clipmap_box clipmap_target(const struct clipmap_shape *shape, int k, cons
 struct clipmap_box clipmap_grown(const struct clipmap_box *kept, const struct clipmap_box *target,
                                  uint64_t budget);
 
+// Whether what a box is made of is there; asks for it if not.
+typedef bool clipmap_there_fn(void *user, const struct clipmap_box *box);
+
+// Of a budget for clipmap_grown, as much as is there: asked for in steps outwards, and so from near to far.
+uint64_t clipmap_budget_there(const struct clipmap_box *kept, const struct clipmap_box *target,
+                              uint64_t budget, clipmap_there_fn *there, void *user);
+
 // The samples of `now` that are not in `before`: up to 4 boxes that do not overlap ("L-shaped", section 5).
 int clipmap_exposed(const struct clipmap_box *before, const struct clipmap_box *now,
                     struct clipmap_box exposed[4]);

@@ -171,8 +171,9 @@ static bool window_there(const struct clipmap_store *store, int level, const str
 }
 
 // Asks for all that a box is made of, the coarser level first: finer ones are decoded from it.
-static bool box_there(const struct clipmap_store *store, const struct clipmap_box *box)
+static bool box_there(void *user, const struct clipmap_box *box)
 {
+    const struct clipmap_store *store = user;
     struct clipmap_box under = clipmap_under(box), normals;
     bool there = !store->morphs || window_there(store, store->level + 1, &under);
     there = window_there(store, store->level, box) && there;
@@ -181,43 +182,13 @@ static bool box_there(const struct clipmap_store *store, const struct clipmap_bo
     return window_there(store, finer, &normals) && there;
 }
 
-static bool reach_there(const struct clipmap_store *store, const struct clipmap_box *kept,
-                        const struct clipmap_box *now)
-{
-    struct clipmap_box exposed[4];
-    int count = clipmap_exposed(kept, now, exposed);
-    bool there = true;
-    for (int i = 0; i < count; i++) there = box_there(store, &exposed[i]) && there;
-    return there;
-}
-
-// Of a budget, what is there: tried in steps outwards, and so asked for from near to far.
-static uint64_t budget_there(const struct clipmap_store *store, const struct clipmap_box *kept,
-                             const struct clipmap_box *target, uint64_t budget)
-{
-    enum { STEPS = 8 };
-    uint64_t whole = clipmap_box_samples(target) - clipmap_box_samples(kept), there = 0;
-    struct clipmap_box before = *kept;
-    bool all = true;
-    for (int step = 1; step <= STEPS; step++) {
-        uint64_t part = whole * (uint64_t)(step * step) / (STEPS * STEPS);
-        if (part > budget) part = budget;
-        struct clipmap_box now = clipmap_grown(kept, target, part);
-        if (clipmap_box_equal(&now, &before)) continue;
-        all = reach_there(store, kept, &now) && all;
-        if (all) there = part;
-        before = now;
-    }
-    return there;
-}
-
 // ---- moves -----------------------------------------------------------------
 
 uint64_t clipmap_store_move(struct clipmap_store *store, const struct clipmap_box *target, uint64_t budget,
                             const struct clipmap_scratch *scratch, clipmap_write_fn *write, void *user)
 {
     struct clipmap_box kept = clipmap_box_common(&store->clip, target), exposed[4], pieces[4];
-    uint64_t there = store->reader ? budget_there(store, &kept, target, budget) : budget;
+    uint64_t there = store->reader ? clipmap_budget_there(&kept, target, budget, box_there, store) : budget;
     if (!store->wait) budget = there;
     struct clipmap_box now = clipmap_grown(&kept, target, budget);
     int exposed_count = clipmap_exposed(&kept, &now, exposed);

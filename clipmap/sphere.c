@@ -23,7 +23,9 @@ struct sphere_view {
     uint64_t transformed; // vertices, to be kept, since the last update
     GLuint heights;       // one layer a level
     uint64_t texels_read, texels_left;
-    int finest_there; // level: what is finer is not whole yet
+    int levels_behind; // that do not hold all they want to
+    int finest_there;  // level: what is finer is not there yet
+    double least;      // level that the innermost rings sample
 };
 
 struct sphere_program {
@@ -34,6 +36,9 @@ struct sphere_program {
 struct clipmap_sphere {
     struct gpu *gpu;
     const struct terrain *terrain;
+    struct terrain_reader *reader; // of terrain that is read on demand; NULL: all is there
+    bool realtime, wait;           // wait: in this frame what is read is waited for
+    bool new_frame;                // no view of it has been updated
     struct sphere_choice choice;
     struct sphere_rings rings;
     struct sphere_shape shape;
@@ -66,8 +71,8 @@ static bool build_programs(struct clipmap_sphere *s, const struct scene_effects 
     char defines[128];
     struct scene_effects common = scene_effects_common(effects);
     for (int kept = 0; kept < 2; kept++) {
-        snprintf(defines, sizeof defines, GPU_SPHERE "#define SIZE %d\n#define FORM %d\n%s", s->shape.size,
-                 (int)s->choice.form, kept ? "#define KEPT\n" : "");
+        snprintf(defines, sizeof defines, GPU_SPHERE "#define SIZE %d\n#define FORM %d\n#define FETCH %d\n%s",
+                 s->shape.size, (int)s->choice.form, (int)s->choice.fetch, kept ? "#define KEPT\n" : "");
         for (int pass = 0; pass < PASS_COUNT; pass++)
             if (!build_program(s, &s->programs[pass][kept], defines, &common, (enum render_pass)pass))
                 return false;
@@ -92,41 +97,52 @@ static bool create_view(struct clipmap_sphere *s, struct sphere_view *own)
     return true;
 }
 
-struct layer {
-    struct gpu *gpu;
-    int index;
-};
-
-static void write_layer(void *user, int slot_x, int slot_y, int width, int height, const float *heights_q)
+static void read_heights(void *user, int level, int decimation, const struct clipmap_box *box, int slot_x,
+                         int slot_y)
 {
-    const struct layer *layer = user;
-    gpu_texture_sub_image(layer->gpu, GL_TEXTURE_2D_ARRAY, layer->index, slot_x, slot_y, width, height,
-                          GL_RED, GL_FLOAT, heights_q);
+    struct clipmap_sphere *s = user;
+    sphere_read_texels(&s->shape, s->terrain, level, decimation, box, s->scratch, s->columns);
+    gpu_texture_sub_image(s->gpu, GL_TEXTURE_2D_ARRAY, level - s->shape.finest, slot_x, slot_y,
+                          (int)(box->hi[0] - box->lo[0] + 1), (int)(box->hi[1] - box->lo[1] + 1), GL_RED,
+                          GL_FLOAT, s->scratch);
 }
 
-// Coarse levels first; the coarsest is read whole whatever the budget, for without it there is nothing to
-// draw.
+static bool heights_there(void *user, int level, int decimation, const struct clipmap_box *box)
+{
+    struct clipmap_sphere *s = user;
+    return sphere_texels_there(&s->shape, s->reader, level, decimation, box);
+}
+
+// Coarse levels first, as fine as the innermost ring needs; the coarsest is read whole whatever the budget
+// and waited for, for without it there is nothing to draw.
 static void refill(struct clipmap_sphere *s, struct sphere_view *own)
 {
+    const struct sphere_shape *shape = &s->shape;
+    const struct sphere_source source = {read_heights, s->reader ? heights_there : NULL, s};
+    const double *place = own->view.eye_place, innermost = sphere_ring_angle(&s->rings, own->range.inner);
+    int finest = sphere_finest_wanted(shape, place, innermost);
     bool all = true;
     own->texels_read = 0;
-    own->finest_there = s->shape.coarsest;
+    own->levels_behind = 0;
+    own->finest_there = shape->coarsest;
     glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
     glBindTexture(GL_TEXTURE_2D_ARRAY, own->heights);
-    for (int level = s->shape.coarsest; level >= s->shape.finest; level--) {
-        struct sphere_store *store = &own->stores[level - s->shape.finest];
-        struct sphere_window wanted = sphere_window_wanted(&s->shape, level, own->view.eye_place);
-        struct layer layer = {s->gpu, level - s->shape.finest};
-        bool limited = level < s->shape.coarsest && own->texels_left < UINT64_MAX, whole;
+    for (int level = shape->coarsest; level >= finest; level--) {
+        struct sphere_store *store = &own->stores[level - shape->finest];
+        struct sphere_window wanted = sphere_window_wanted(shape, level, place);
+        bool limited = level < shape->coarsest && own->texels_left < UINT64_MAX;
         if (s->choice.rebuild) store->held.box = clipmap_empty;
-        uint64_t read = sphere_store_move(store, &s->shape, s->terrain, level, &wanted,
-                                          limited ? own->texels_left : UINT64_MAX, s->scratch, s->columns,
-                                          write_layer, &layer, &whole);
+        uint64_t read =
+            sphere_store_move(store, shape->size, level, &wanted, limited ? own->texels_left : UINT64_MAX,
+                              s->wait || s->choice.rebuild || level == shape->coarsest, &source);
         if (limited) own->texels_left -= read;
         own->texels_read += read;
-        all = all && whole;
+        own->levels_behind += !clipmap_box_equal(&store->held.box, &wanted.box);
+        all = all && sphere_window_serves(shape, level, &store->held, place);
         if (all) own->finest_there = level;
     }
+    own->least = fmax(own->finest_there, sphere_level_at(shape, innermost));
+    own->least = fmin(own->least, shape->coarsest);
 }
 
 static double over_ground(const struct terrain *terrain, const struct view *view)
@@ -144,10 +160,10 @@ static void part_heights(const struct clipmap_sphere *s, const struct sphere_vie
 {
     const struct terrain_info *info = terrain_info(s->terrain);
     double angle = sphere_ring_angle(&s->rings, outer), least = sphere_ring_angle(&s->rings, inner);
-    int from = least > 0 ? (int)floor(sphere_level_at(&s->shape, least)) : own->finest_there;
+    int from = (int)floor(least > 0 ? sphere_level_at(&s->shape, least) : own->least);
     int to = (int)floor(sphere_level_at(&s->shape, angle)) + 1;
     int32_t low_q = INT32_MAX, high_q = INT32_MIN;
-    if (from < own->finest_there) from = own->finest_there;
+    if (from < (int)floor(own->least)) from = (int)floor(own->least);
     if (from > s->shape.coarsest) from = s->shape.coarsest;
     if (to > s->shape.coarsest) to = s->shape.coarsest;
     for (int level = from; level <= (to > from ? to : from); level++) {
@@ -188,7 +204,7 @@ static void update_view(struct clipmap_sphere *s, struct sphere_view *own, const
 {
     struct view before = own->view;
     struct sphere_ring_range range = own->range;
-    int finest = own->finest_there;
+    double least = own->least;
     bool moved = memcmp(before.eye_place, view->eye_place, sizeof before.eye_place) != 0;
     if (!own->seen) own->turn = 0;
     if (own->seen && moved) own->turn = sphere_transport(&before, own->turn, view);
@@ -196,7 +212,7 @@ static void update_view(struct clipmap_sphere *s, struct sphere_view *own, const
     own->range = sphere_ring_visible(&s->rings, s->terrain, view, over_ground(s->terrain, view));
     refill(s, own);
     bool same = own->seen && !moved && range.outer == own->range.outer && range.inner == own->range.inner &&
-                finest == own->finest_there && own->texels_read == 0;
+                !(least < own->least || own->least < least) && own->texels_read == 0;
     if (!same) own->drawn = 0;
     own->seen = true;
     own->transformed = 0;
@@ -213,14 +229,31 @@ void clipmap_sphere_begin_frame(struct clipmap_sphere *s, int frame)
         struct sphere_view *own = &s->views[i];
         if (frame != s->frame) own->texels_left = first ? UINT64_MAX : s->choice.budget;
         if (first) own->seen = false;
-        for (int k = 0; first && s->choice.budget < UINT64_MAX && k < s->layers; k++)
+        for (int k = 0; first && (s->choice.budget < UINT64_MAX || s->reader) && k < s->layers; k++)
             own->stores[k].held.box = clipmap_empty;
     }
+    if (frame != s->frame) s->wait = first;
+    s->new_frame = frame != s->frame;
     s->frame = frame;
+}
+
+// A flight has a reader of its own.  The first frame waits for what it reads.
+static bool begin_reading(struct clipmap_sphere *s, const struct view *view)
+{
+    if (terrain_extrema(s->terrain) || !s->new_frame) return true; // all is in memory
+    if (s->wait) {
+        terrain_reader_destroy(s->reader);
+        s->reader = terrain_reader_create(s->terrain, s->realtime);
+        if (!s->reader) return false;
+    }
+    terrain_reader_begin_frame(s->reader, s->frame, view->eye_place);
+    s->new_frame = false;
+    return true;
 }
 
 bool clipmap_sphere_update(struct clipmap_sphere *s, const struct view *views, int count)
 {
+    if (!begin_reading(s, &views[0])) return false;
     for (int i = 0; i < count; i++) {
         if (!s->views[i].heights && !create_view(s, &s->views[i])) return false;
         update_view(s, &s->views[i], &views[i]);
@@ -239,14 +272,15 @@ static void set_uniforms(const struct clipmap_sphere *s, const struct sphere_pro
     for (int k = 0; k < s->layers; k++) {
         const struct sphere_window *window = &own->stores[k].held;
         int64_t texel[2];
+        if (!window->period) continue; // never held
         sphere_window_origin(&s->shape, s->shape.finest + k, window, place, texel, &grids[k][2]);
         windows[k][0] = clipmap_slot(texel[0], window->period);
         windows[k][1] = clipmap_slot(texel[1], s->shape.size);
         windows[k][2] = window->period;
         for (int axis = 0; axis < 2; axis++)
             grids[k][axis] =
-                (float)(s->shape.radius_m / ldexp(s->shape.spacing_m[axis],
-                                                  s->shape.finest + k + (axis ? 0 : window->decimation)));
+                (float)(s->shape.radius_m / ldexp(sphere_spacing(&s->shape, s->shape.finest + k, axis),
+                                                  axis ? 0 : window->decimation));
     }
     glUniform1i(p->heights, HEIGHTS_UNIT);
     glUniform4iv(p->windows, s->layers, &windows[0][0]);
@@ -255,7 +289,7 @@ static void set_uniforms(const struct clipmap_sphere *s, const struct sphere_pro
                 (float)(sphere_level_at(&s->shape, M_PI) - s->shape.finest),
                 1.0f / (float)s->rings.an_octave);
     glUniform4f(p->pattern, (float)cos(own->turn), (float)sin(own->turn),
-                (float)(own->finest_there - s->shape.finest), (float)(s->layers - 1));
+                (float)(own->least - s->shape.finest), (float)(s->layers - 1));
     if (p->polar >= 0) glUniform1f(p->polar, (float)(M_PI / 2 - latitude));
 }
 
@@ -290,8 +324,8 @@ void clipmap_sphere_stats(const struct clipmap_sphere *s, struct renderer_stats 
         (uint64_t)s->shape.size * (uint64_t)s->shape.size * (uint64_t)s->layers * sizeof(float);
     double level_outer = sphere_level_at(&s->shape, sphere_ring_angle(&s->rings, own->range.outer));
     double level_inner = sphere_level_at(&s->shape, sphere_ring_angle(&s->rings, own->range.inner));
-    level_outer = fmin(fmax(level_outer, own->finest_there), s->shape.coarsest);
-    level_inner = fmin(fmax(level_inner, own->finest_there), s->shape.coarsest);
+    level_outer = fmin(fmax(level_outer, own->least), s->shape.coarsest);
+    level_inner = fmin(fmax(level_inner, own->least), s->shape.coarsest);
     *stats = (struct renderer_stats){
         .triangles = own->blocks.triangles,
         .claimed_error_px = NAN,
@@ -303,8 +337,13 @@ void clipmap_sphere_stats(const struct clipmap_sphere *s, struct renderer_stats 
                      {"blocks", own->blocks.part_count * SPHERE_SECTORS},
                      {"vertices kept anew", (double)own->transformed},
                      {"samples updated", (double)own->texels_read},
-                     {"levels behind", own->finest_there - s->shape.finest}},
+                     {"levels_behind", own->levels_behind},
+                     {"finest level", own->finest_there}},
     };
+    if (!s->reader) return;
+    struct terrain_reader_counters reads = terrain_reader_counters(s->reader);
+    stats->counters[9] = (struct renderer_counter){"windows_missed", (double)reads.missed};
+    stats->counters[10] = (struct renderer_counter){"blocks_arrived", (double)reads.arrived};
 }
 
 void clipmap_sphere_destroy(struct clipmap_sphere *s)
@@ -316,6 +355,7 @@ void clipmap_sphere_destroy(struct clipmap_sphere *s)
         sphere_blocks_finish(&s->views[i].blocks);
     }
     sphere_mesh_finish(&s->mesh);
+    terrain_reader_destroy(s->reader);
     free(s->scratch);
     free(s->columns);
     free(s);
@@ -329,9 +369,10 @@ struct clipmap_sphere *clipmap_sphere_create(const struct renderer_desc *desc,
     s->gpu = desc->gpu;
     s->terrain = desc->terrain;
     s->choice = *choice;
+    s->realtime = desc->realtime;
     s->frame = -1;
     s->rings = sphere_rings_make(choice->n);
-    sphere_shape_init(&s->shape, desc->terrain, s->rings.azimuths);
+    sphere_shape_init(&s->shape, desc->terrain, s->rings.azimuths, choice->texture);
     s->layers = s->shape.coarsest - s->shape.finest + 1;
     size_t texels = (size_t)s->shape.size * (size_t)s->shape.size;
     s->scratch = malloc(texels * sizeof *s->scratch);

@@ -14,12 +14,18 @@
 #include "clipmap/sphere_rings.h"
 #include "common/renderer.h"
 
+// How a vertex samples its level: one of its triangles, two in the half of a level that is blended with the
+// next; or, as published (section 5.2), four texels of one level, or four each of two everywhere.
+enum sphere_fetch { SPHERE_FETCH_SURFACE, SPHERE_FETCH_FOUR, SPHERE_FETCH_EIGHT };
+
 struct sphere_choice {
     int n;           // the renderer's quality knob
     bool cull;       // blocks outside the frustum are not drawn
     bool keep;       // transformed vertices, while the eye stands still
     bool rebuild;    // every level is read whole each frame
     uint64_t budget; // texels a frame but the first; UINT64_MAX: no limit
+    double texture;  // sphere_shape_init
+    enum sphere_fetch fetch;
     enum sphere_form form;
 };
 

@@ -1,6 +1,7 @@
 // A vertex of a ring about the viewer over a sphere (Clasen & Hege 2006, sections 3.3 and 5.1): it turns with the pattern,
 // finds its longitude and latitude relative to the viewer's, samples one level or a blend of two, and is placed radially.
 // SIZE: texels on a side.  FORM: 0 stable, 1 corrected, 2 published (sphere_rings.h); sphere_angles() is this program's twin.
+// FETCH: 0 the level's triangles, 1 four texels of one level, 2 eight of two (sphere.h).
 // KEPT: all of this was done in a frame before.
 
 #ifdef KEPT
@@ -56,6 +57,11 @@ vec2 angles_of(vec3 v)
 #endif
 }
 
+float texel(ivec2 slot, int layer)
+{
+    return texelFetch(heights, ivec3(slot, layer), 0).x;
+}
+
 // The surface of a level: its triangles, split along (i, j)-(i+1, j+1) as everywhere.
 float height_in(int layer, vec2 angles)
 {
@@ -64,16 +70,27 @@ float height_in(int layer, vec2 angles)
     vec2 place = angles * grid.xy + grid.zw, corner = floor(place), f = place - corner;
     int x0 = (int(corner.x) + window.x + 2 * window.z) % window.z, x1 = x0 + 1 == window.z ? 0 : x0 + 1;
     int y0 = (int(corner.y) + window.y + 2 * SIZE) % SIZE, y1 = y0 + 1 == SIZE ? 0 : y0 + 1;
-    float sw = texelFetch(heights, ivec3(x0, y0, layer), 0).x, ne = texelFetch(heights, ivec3(x1, y1, layer), 0).x;
-    float other = f.x >= f.y ? texelFetch(heights, ivec3(x1, y0, layer), 0).x : texelFetch(heights, ivec3(x0, y1, layer), 0).x;
+    float sw = texel(ivec2(x0, y0), layer), ne = texel(ivec2(x1, y1), layer);
+#if FETCH == 0
+    float other = f.x >= f.y ? texel(ivec2(x1, y0), layer) : texel(ivec2(x0, y1), layer);
     return f.x >= f.y ? sw + f.x * (other - sw) + f.y * (ne - other) : sw + f.x * (ne - other) + f.y * (other - sw);
+#else
+    return mix(mix(sw, texel(ivec2(x1, y0), layer), f.x), mix(texel(ivec2(x0, y1), layer), ne, f.x), f.y);
+#endif
 }
 
 float height_at(float ring_number, vec2 angles)
 {
     float level = clamp(viewer.z - ring_number * viewer.w, pattern.z, pattern.w);
     int layer = int(floor(level));
-    float w = clamp((level - float(layer)) * 2.0 - 1.0, 0.0, 1.0), z = height_in(layer, angles);
+    float z = height_in(layer, angles);
+#if FETCH == 0
+    float w = clamp((level - float(layer)) * 2.0 - 1.0, 0.0, 1.0);
+#elif FETCH == 1
+    float w = 0.0;
+#else
+    float w = level - float(layer);
+#endif
     if (w > 0.0) z = z * (1.0 - w) + height_in(layer + 1, angles) * w;
     return z;
 }

@@ -5,12 +5,15 @@
 
 enum { MARGIN = 4, SNAP = 4 }; // texels beyond what rings reach; windows begin on multiples of SNAP
 
-void sphere_shape_init(struct sphere_shape *shape, const struct terrain *terrain, int azimuths)
+void sphere_shape_init(struct sphere_shape *shape, const struct terrain *terrain, int azimuths,
+                       double texture)
 {
     const struct terrain_info *info = terrain_info(terrain);
     struct terrain_extent e = terrain_level(terrain, 0).extent;
     *shape = (struct sphere_shape){.azimuths = azimuths,
-                                   .finest = info->finest,
+                                   .texture = texture,
+                                   .sampled = info->finest,
+                                   .finest = info->finest - SPHERE_LONGITUDE_LEVELS,
                                    .coarsest = info->coarsest,
                                    .radius_m = info->radius_m,
                                    .spacing_m = {info->spacing_m[0], info->spacing_m[1]},
@@ -19,20 +22,42 @@ void sphere_shape_init(struct sphere_shape *shape, const struct terrain *terrain
                                    .pole = e.y1 - 1};
     if (shape->finest < shape->coarsest - SPHERE_MAX_LEVELS + 1)
         shape->finest = shape->coarsest - SPHERE_MAX_LEVELS + 1;
-    // A turn must fit when no more columns can be taken together, and the coarsest level whole.
+    if (shape->sampled < shape->finest) shape->sampled = shape->finest;
+    // Twice what rows need, for columns crowd; a turn must fit when no more columns can be taken together,
+    // and the coarsest level whole.
     int64_t turn = shape->columns >> shape->coarsest, rows = 2 * (shape->pole >> shape->coarsest) + 1;
-    while (turn % 2 == 0 && turn > azimuths) turn /= 2;
-    int64_t least = turn > rows ? turn : rows;
-    shape->size = (int)(least + 2 * MARGIN > azimuths ? least + 2 * MARGIN : azimuths);
+    int wide = (int)ceil(2 * texture * azimuths);
+    while (turn % 2 == 0 && turn > wide) turn /= 2;
+    int64_t least = (turn > rows ? turn : rows) + 2 * MARGIN;
+    shape->size = (int)(least > wide ? least : wide);
+    if (shape->size < 4 * (MARGIN + SNAP)) shape->size = 4 * (MARGIN + SNAP);
+}
+
+static int sampled_level(const struct sphere_shape *shape, int level)
+{
+    return level < shape->sampled ? shape->sampled : level;
+}
+
+double sphere_spacing(const struct sphere_shape *shape, int level, int axis)
+{
+    return ldexp(shape->spacing_m[axis], sampled_level(shape, level));
+}
+
+// How far from the viewer rings sample a level: where they sample the next one alone.
+static double reach_of(const struct sphere_shape *shape, int level)
+{
+    if (level == shape->coarsest) return M_PI;
+    return 0.5 * shape->texture * shape->azimuths * ldexp(shape->spacing_m[1], level) / shape->radius_m;
 }
 
 double sphere_level_at(const struct sphere_shape *shape, double angle)
 {
-    return log2(SPHERE_TEXEL_SHARE * angle * shape->radius_m / (shape->azimuths * shape->spacing_m[1]));
+    return log2(4 / shape->texture * angle * shape->radius_m / (shape->azimuths * shape->spacing_m[1]));
 }
 
 static int64_t turn_of(const struct sphere_shape *shape, int level)
 {
+    level = sampled_level(shape, level);
     return level > 0 ? shape->columns >> level : shape->columns << -level;
 }
 
@@ -51,11 +76,8 @@ static int64_t snap_down(double value)
 struct sphere_window sphere_window_wanted(const struct sphere_shape *shape, int level,
                                           const double place_m[2])
 {
-    double spacing_m = ldexp(shape->spacing_m[1], level), column_m = ldexp(shape->spacing_m[0], level);
-    // Rings sample this level up to where they sample the next alone: one octave, twice the angle.
-    double angle = level == shape->coarsest
-                       ? M_PI
-                       : 2 * shape->azimuths * spacing_m / (SPHERE_TEXEL_SHARE * shape->radius_m);
+    double spacing_m = sphere_spacing(shape, level, 1), column_m = sphere_spacing(shape, level, 0);
+    double angle = reach_of(shape, level);
     double half = half_longitude(angle, place_m[1] / shape->radius_m) * shape->radius_m / column_m;
     int64_t turn = turn_of(shape, level);
     struct sphere_window window = {.period = shape->size};
@@ -87,11 +109,38 @@ struct sphere_window sphere_window_wanted(const struct sphere_shape *shape, int 
     return window;
 }
 
+bool sphere_window_serves(const struct sphere_shape *shape, int level, const struct sphere_window *window,
+                          const double place_m[2])
+{
+    if (clipmap_box_is_empty(&window->box)) return false;
+    double angle = reach_of(shape, level), spacing_m[2] = {0, sphere_spacing(shape, level, 1)};
+    spacing_m[0] = ldexp(sphere_spacing(shape, level, 0), window->decimation);
+    double reach[2] = {half_longitude(angle, place_m[1] / shape->radius_m) * shape->radius_m / spacing_m[0],
+                       angle * shape->radius_m / spacing_m[1]};
+    for (int axis = 0; axis < 2; axis++) {
+        if (axis == 0 ? window->around : level == shape->coarsest) continue; // all there are
+        double at = place_m[axis] / spacing_m[axis];                         // reach may be NAN: never held
+        if (!(floor(at - reach[axis]) >= (double)window->box.lo[axis] &&
+              floor(at + reach[axis]) + 1 <= (double)window->box.hi[axis]))
+            return false;
+    }
+    return true;
+}
+
+int sphere_finest_wanted(const struct sphere_shape *shape, const double place_m[2], double innermost_angle)
+{
+    int least = innermost_angle > 0 ? (int)floor(sphere_level_at(shape, innermost_angle)) : shape->finest;
+    least = least < shape->finest ? shape->finest : least > shape->coarsest ? shape->coarsest : least;
+    int level = least > shape->sampled ? least : shape->sampled;
+    while (level > least && sphere_window_wanted(shape, level, place_m).decimation > 0) level--;
+    return level;
+}
+
 void sphere_window_origin(const struct sphere_shape *shape, int level, const struct sphere_window *window,
                           const double place_m[2], int64_t texel[2], float fraction[2])
 {
     for (int axis = 0; axis < 2; axis++) {
-        double spacing_m = ldexp(shape->spacing_m[axis], level + (axis ? 0 : window->decimation));
+        double spacing_m = ldexp(sphere_spacing(shape, level, axis), axis ? 0 : window->decimation);
         double at = place_m[axis] / spacing_m, whole = floor(at);
         texel[axis] = (int64_t)whole;
         fraction[axis] = (float)(at - whole);
@@ -102,13 +151,14 @@ void sphere_cap_bounds(const struct sphere_shape *shape, const struct terrain *t
                        const struct sphere_window *window, const double place_m[2], double angle,
                        int32_t *low_q, int32_t *high_q)
 {
-    double spacing_m = ldexp(shape->spacing_m[1], level), column_m = ldexp(shape->spacing_m[0], level);
+    double spacing_m = sphere_spacing(shape, level, 1), column_m = sphere_spacing(shape, level, 0);
     double half = half_longitude(angle, place_m[1] / shape->radius_m) * shape->radius_m / column_m;
     int64_t beyond = ((int64_t)2 << window->decimation) + 1; // columns that the outer texels stand for
     int64_t x = (int64_t)floor(place_m[0] / column_m), y = (int64_t)floor(place_m[1] / spacing_m);
     int64_t reach = isnan(half) ? turn_of(shape, level) : (int64_t)ceil(half) + beyond;
     int64_t rows = (int64_t)ceil(angle * shape->radius_m / spacing_m) + 2;
-    terrain_bounds(terrain, level, x - reach, y - rows, x + reach + 1, y + rows + 1, low_q, high_q);
+    terrain_bounds(terrain, sampled_level(shape, level), x - reach, y - rows, x + reach + 1, y + rows + 1,
+                   low_q, high_q);
 }
 
 // ---- reading ---------------------------------------------------------------
@@ -122,17 +172,23 @@ static float mean_of(const int32_t *columns, int count)
 }
 
 // Stored levels are filtered; synthesised ones, whose noise tapers where columns are taken together, are not.
+static bool is_filtered(const struct sphere_shape *shape, int level, int count)
+{
+    return level >= 0 && count + 1 <= shape->size * shape->size;
+}
+
 void sphere_read_texels(const struct sphere_shape *shape, const struct terrain *terrain, int level,
                         int decimation, const struct clipmap_box *box, float *heights, int32_t *columns)
 {
     int width = (int)(box->hi[0] - box->lo[0] + 1), height = (int)(box->hi[1] - box->lo[1] + 1);
     int count = 1 << decimation;
+    level = sampled_level(shape, level);
     if (decimation == 0) {
         terrain_window(terrain, level, box->lo[0], box->lo[1], width, height, columns, TERRAIN_WAIT);
         for (int64_t k = 0; k < (int64_t)width * height; k++) heights[k] = (float)columns[k];
         return;
     }
-    bool filter = level >= 0 && count + 1 <= shape->size * shape->size;
+    bool filter = is_filtered(shape, level, count);
     for (int i = 0; i < width; i++) {
         int64_t x = (box->lo[0] + i) << decimation;
         if (!filter) {
@@ -148,35 +204,66 @@ void sphere_read_texels(const struct sphere_shape *shape, const struct terrain *
     }
 }
 
-static uint64_t read_box(const struct sphere_shape *shape, const struct terrain *terrain, int level,
-                         const struct sphere_window *window, const struct clipmap_box *box, float *heights,
-                         int32_t *columns, sphere_write_fn *write, void *user)
+bool sphere_texels_there(const struct sphere_shape *shape, struct terrain_reader *reader, int level,
+                         int decimation, const struct clipmap_box *box)
 {
-    struct clipmap_box pieces[4];
-    int count = clipmap_unwrap(box, shape->size, pieces);
-    for (int k = 0; k < count; k++) {
-        const struct clipmap_box *piece = &pieces[k];
-        sphere_read_texels(shape, terrain, level, window->decimation, piece, heights, columns);
-        write(user, clipmap_slot(piece->lo[0], shape->size), clipmap_slot(piece->lo[1], shape->size),
-              (int)(piece->hi[0] - piece->lo[0] + 1), (int)(piece->hi[1] - piece->lo[1] + 1), heights);
+    int width = (int)(box->hi[0] - box->lo[0] + 1), height = (int)(box->hi[1] - box->lo[1] + 1);
+    int count = 1 << decimation;
+    level = sampled_level(shape, level);
+    if (decimation == 0)
+        return terrain_reader_window(reader, level, box->lo[0], box->lo[1], width, height, NULL);
+    // Column by column: all at once might be more than a reader may keep.
+    bool filter = is_filtered(shape, level, count), there = true;
+    for (int i = 0; i < width; i++) {
+        int64_t x = ((box->lo[0] + i) << decimation) - (filter ? count / 2 : 0);
+        there = terrain_reader_window(reader, level, x, box->lo[1], filter ? count + 1 : 1, height, NULL) &&
+                there;
     }
-    return clipmap_box_samples(box);
+    return there;
 }
 
-uint64_t sphere_store_move(struct sphere_store *store, const struct sphere_shape *shape,
-                           const struct terrain *terrain, int level, const struct sphere_window *wanted,
-                           uint64_t budget, float *heights, int32_t *columns, sphere_write_fn *write,
-                           void *user, bool *whole)
+// ---- moves -----------------------------------------------------------------
+
+struct asking {
+    const struct sphere_source *source;
+    int level, decimation;
+};
+
+static bool box_there(void *user, const struct clipmap_box *box)
+{
+    const struct asking *asking = user;
+    const struct sphere_source *source = asking->source;
+    return source->there(source->user, asking->level, asking->decimation, box);
+}
+
+static void read_box(int size, int level, int decimation, const struct clipmap_box *box,
+                     const struct sphere_source *source)
+{
+    struct clipmap_box pieces[4];
+    int count = clipmap_unwrap(box, size, pieces);
+    for (int k = 0; k < count; k++)
+        source->read(source->user, level, decimation, &pieces[k], clipmap_slot(pieces[k].lo[0], size),
+                     clipmap_slot(pieces[k].lo[1], size));
+}
+
+uint64_t sphere_store_move(struct sphere_store *store, int size, int level,
+                           const struct sphere_window *wanted, uint64_t budget, bool wait,
+                           const struct sphere_source *source)
 {
     struct clipmap_box kept = store->held.box, exposed[4];
     bool same = store->held.decimation == wanted->decimation && store->held.around == wanted->around;
     kept = same ? clipmap_box_common(&kept, &wanted->box) : clipmap_empty;
+    if (source->there && !wait) {
+        struct asking asking = {source, level, wanted->decimation};
+        budget = clipmap_budget_there(&kept, &wanted->box, budget, box_there, &asking);
+    }
     store->held = *wanted;
     store->held.box = clipmap_grown(&kept, &wanted->box, budget);
     uint64_t read = 0;
     int count = clipmap_exposed(&kept, &store->held.box, exposed);
-    for (int k = 0; k < count; k++)
-        read += read_box(shape, terrain, level, wanted, &exposed[k], heights, columns, write, user);
-    *whole = clipmap_box_equal(&store->held.box, &wanted->box);
+    for (int k = 0; k < count; k++) {
+        read_box(size, level, wanted->decimation, &exposed[k], source);
+        read += clipmap_box_samples(&exposed[k]);
+    }
     return read;
 }

@@ -4,17 +4,22 @@
 // far as the rings reach that draw it.  Towards the poles columns crowd, and a ring spans more of them: a
 // texel then stands for 2^p columns, filtered over as many, so that its kernel is about as wide as it is high
 // on the ground.  p and the window change in steps, so that a small move reads little.  Where rings reach
-// over a pole the window holds the whole turn. SPDX-License-Identifier: MIT
+// over a pole the window holds the whole turn.  Where the terrain's finest level takes columns together,
+// levels beyond it, whose rows are its rows, take fewer, down to single columns near the viewer.
+// SPDX-License-Identifier: MIT
 #ifndef CLIPMAP_SPHERE_LEVELS_H
 #define CLIPMAP_SPHERE_LEVELS_H
 
 #include "clipmap/clipmap_levels.h"
+#include "common/terrain/reader.h"
 
-enum { SPHERE_MAX_LEVELS = 32, SPHERE_TEXEL_SHARE = 8 };
+enum { SPHERE_MAX_LEVELS = 32, SPHERE_LONGITUDE_LEVELS = 6 };
 
 struct sphere_shape {
     int azimuths;
-    int finest, coarsest; // levels of the terrain
+    double texture;       // texels across what a level serves, as a share of the azimuths
+    int sampled;          // the terrain's finest level
+    int finest, coarsest; // levels; those finer than `sampled` are so in longitude only
     int size;             // texels on a side
     double radius_m;
     double spacing_m[2];    // of level 0
@@ -22,11 +27,16 @@ struct sphere_shape {
     int64_t pole;
 };
 
-void sphere_shape_init(struct sphere_shape *shape, const struct terrain *terrain, int azimuths);
+// texture: 1/8 to 1/4 as published (section 4.2); 1/2 samples the terrain about as densely as rings do.
+void sphere_shape_init(struct sphere_shape *shape, const struct terrain *terrain, int azimuths,
+                       double texture);
 
-// The level, a real number, whose rows are as far apart as an azimuths-th of SPHERE_TEXEL_SHARE times a
-// ring's angle: level l is sampled from there to level l + 1.
+// The level, a real number, that a ring samples: level l from where its window has half of its width to where
+// it has all of it, level l + 1.
 double sphere_level_at(const struct sphere_shape *shape, double angle);
+
+// Distance of a level's texels in metres of arc, along x and y, when no columns are taken together.
+double sphere_spacing(const struct sphere_shape *shape, int level, int axis);
 
 struct sphere_window {
     int decimation;         // p
@@ -38,6 +48,14 @@ struct sphere_window {
 struct sphere_window sphere_window_wanted(const struct sphere_shape *shape, int level,
                                           const double place_m[2]);
 
+// Whether a window holds all that rings sample of level l; it wants to hold a few texels more.
+bool sphere_window_serves(const struct sphere_shape *shape, int level, const struct sphere_window *window,
+                          const double place_m[2]);
+
+// The finest level that a viewer needs whose innermost ring stands at an angle (section 4.5).  Levels finer
+// than the terrain's are needed where those before take columns together.
+int sphere_finest_wanted(const struct sphere_shape *shape, const double place_m[2], double innermost_angle);
+
 // The viewer's texel and fraction in a window's grid.
 void sphere_window_origin(const struct sphere_shape *shape, int level, const struct sphere_window *window,
                           const double place_m[2], int64_t texel[2], float fraction[2]);
@@ -46,24 +64,33 @@ struct sphere_store { // one level in memory
     struct sphere_window held;
 };
 
-// Takes a rectangle of slots, row by row northwards.
-typedef void sphere_write_fn(void *user, int slot_x, int slot_y, int width, int height,
-                             const float *heights_q);
+// Where a level's texels come from.
+struct sphere_source {
+    // Reads a box that does not wrap to its slots.
+    void (*read)(void *user, int level, int decimation, const struct clipmap_box *box, int slot_x,
+                 int slot_y);
+    // Whether a box is there; asks for it if not.  NULL: everything is.
+    bool (*there)(void *user, int level, int decimation, const struct clipmap_box *box);
+    void *user;
+};
 
-// Reads what of `wanted` is missing, no more than `budget` texels, and forgets what it does not hold. Returns
-// how many were read; *whole: nothing is missing now.  scratch: size * size floats and as many int32.
-uint64_t sphere_store_move(struct sphere_store *store, const struct sphere_shape *shape,
-                           const struct terrain *terrain, int level, const struct sphere_window *wanted,
-                           uint64_t budget, float *heights, int32_t *columns, sphere_write_fn *write,
-                           void *user, bool *whole);
+// Reads what of `wanted` is missing, no more than `budget` texels and, unless it waits, than is there, and
+// forgets what it does not hold.  Returns how many were read.
+uint64_t sphere_store_move(struct sphere_store *store, int size, int level,
+                           const struct sphere_window *wanted, uint64_t budget, bool wait,
+                           const struct sphere_source *source);
 
 // Bounds, in quanta, of the heights that a window's texels give within an angle of a viewer.
 void sphere_cap_bounds(const struct sphere_shape *shape, const struct terrain *terrain, int level,
                        const struct sphere_window *window, const double place_m[2], double angle,
                        int32_t *low_q, int32_t *high_q);
 
-// The height of one texel: a sample, or the mean over the columns it stands for.
+// The heights of a box's texels, row by row northwards: samples, or means over the columns they stand for.
+// columns: room for size * size + 1.
 void sphere_read_texels(const struct sphere_shape *shape, const struct terrain *terrain, int level,
                         int decimation, const struct clipmap_box *box, float *heights, int32_t *columns);
+// Whether a reader has all that they are made of; it is asked for what is not there.
+bool sphere_texels_there(const struct sphere_shape *shape, struct terrain_reader *reader, int level,
+                         int decimation, const struct clipmap_box *box);
 
 #endif

@@ -134,13 +134,13 @@ static void texels_are_monotone_on_a_small_ring(void **state)
     (void)state;
     struct terrain *terrain = planet(512, 14);
     struct sphere_shape shape;
-    sphere_shape_init(&shape, terrain, 512);
+    sphere_shape_init(&shape, terrain, 512, 0.5);
     double place[2] = {M_PI * 0.9999 * RADIUS, 0.2 * RADIUS};
-    struct sphere_window window = sphere_window_wanted(&shape, shape.finest, place);
+    struct sphere_window window = sphere_window_wanted(&shape, shape.sampled, place);
     int64_t texel[2];
     float fraction[2], last = -HUGE_VALF, absolute_last = -HUGE_VALF;
-    sphere_window_origin(&shape, shape.finest, &window, place, texel, fraction);
-    float scale = (float)(RADIUS / ldexp(shape.spacing_m[0], shape.finest + window.decimation));
+    sphere_window_origin(&shape, shape.sampled, &window, place, texel, fraction);
+    float scale = (float)(RADIUS / ldexp(shape.spacing_m[0], shape.sampled + window.decimation));
     int falls = 0, stays = 0, steps = 400;
     for (int k = 0; k <= steps; k++) { // the southern half, west to east
         double azimuth = M_PI + M_PI * k / steps, angle = 1 / RADIUS, half = sin(angle / 2);
@@ -200,38 +200,98 @@ static void the_pattern_is_carried_over_a_pole(void **state)
 
 // ---- D6: windows hold what rings sample ----------------------------------------
 
-static void check_windows(const struct terrain *terrain, const struct sphere_shape *shape, double longitude,
-                          double latitude)
+// Texels of a window that a vertex samples from a place: low corner of the cell.
+static void texel_of(const struct sphere_shape *shape, int level, const struct sphere_window *w,
+                     const double place[2], const float v[4], int64_t low[2])
+{
+    float angles[2], fraction[2];
+    int64_t texel[2];
+    sphere_window_origin(shape, level, w, place, texel, fraction);
+    sphere_angles(SPHERE_STABLE, place[1] / shape->radius_m, v, angles);
+    for (int axis = 0; axis < 2; axis++) {
+        double scale = shape->radius_m / ldexp(sphere_spacing(shape, level, axis), axis ? 0 : w->decimation);
+        low[axis] = texel[axis] + (int64_t)floor((double)angles[axis] * scale + (double)fraction[axis]);
+    }
+}
+
+// Whether a window holds all that rings sample of a level.
+static bool window_holds(const struct sphere_shape *shape, int level, const struct sphere_window *w,
+                         const double place[2])
 {
     struct sphere_rings rings = sphere_rings_make(shape->azimuths / 2 - 1);
+    for (int ring = 0; ring < rings.count; ring += 3) {
+        double at = sphere_level_at(shape, sphere_ring_angle(&rings, ring));
+        bool sampled = at <= level + 1 && (at > level - 0.5 || level == shape->finest);
+        if (level == shape->coarsest) sampled = at > level - 0.5;
+        for (int azimuth = 0; sampled && azimuth < rings.azimuths; azimuth += 7) {
+            float v[4];
+            int64_t low[2];
+            sphere_ring_vertex(&rings, ring, azimuth, v);
+            texel_of(shape, level, w, place, v, low);
+            for (int axis = w->around ? 1 : 0; axis < 2; axis++)
+                if (low[axis] < w->box.lo[axis] || low[axis] + 1 > w->box.hi[axis]) return false;
+        }
+    }
+    return true;
+}
+
+static void check_windows(const struct sphere_shape *shape, double longitude, double latitude)
+{
     double place[2] = {longitude * shape->radius_m, latitude * shape->radius_m};
-    (void)terrain;
     for (int level = shape->finest; level <= shape->coarsest; level++) {
         struct sphere_window w = sphere_window_wanted(shape, level, place);
         assert_true(w.box.hi[0] - w.box.lo[0] < shape->size && w.box.hi[1] - w.box.lo[1] < shape->size);
-        int64_t texel[2];
-        float fraction[2];
-        sphere_window_origin(shape, level, &w, place, texel, fraction);
-        for (int ring = 0; ring < rings.count; ring += 3) {
-            double at = sphere_level_at(shape, sphere_ring_angle(&rings, ring));
-            bool sampled = at <= level + 1 && (at > level - 0.5 || level == shape->finest);
-            if (level == shape->coarsest) sampled = at > level - 0.5;
-            if (!sampled) continue;
-            for (int azimuth = 0; azimuth < rings.azimuths; azimuth += 7) {
-                float v[4], angles[2];
-                sphere_ring_vertex(&rings, ring, azimuth, v);
-                sphere_angles(SPHERE_STABLE, latitude, v, angles);
-                for (int axis = 0; axis < 2; axis++) {
-                    double scale =
-                        shape->radius_m / ldexp(shape->spacing_m[axis], level + (axis ? 0 : w.decimation));
-                    int64_t low =
-                        texel[axis] + (int64_t)floor((double)angles[axis] * scale + (double)fraction[axis]);
-                    if (axis == 0 && w.around) continue; // the whole turn
-                    assert_true(low >= w.box.lo[axis] && low + 1 <= w.box.hi[axis]);
-                }
-            }
-        }
+        assert_true(window_holds(shape, level, &w, place) && sphere_window_serves(shape, level, &w, place));
     }
+}
+
+// A window that the viewer has left serves no longer than it holds what is sampled.
+static void windows_serve_while_they_hold(void **state)
+{
+    (void)state;
+    struct terrain *terrain = planet(512, 8);
+    struct sphere_shape shape;
+    sphere_shape_init(&shape, terrain, 128, 0.5);
+    uint64_t seed = 15;
+    int served = 0, refused = 0;
+    for (int k = 0; k < test_size(150, 5000); k++) {
+        int level = shape.finest + (int)(test_random(&seed) % (uint64_t)(shape.coarsest - shape.finest + 1));
+        double place[2] = {test_uniform(&seed, -4, 4) * RADIUS, asin(test_uniform(&seed, -1, 1)) * RADIUS};
+        struct sphere_window w = sphere_window_wanted(&shape, level, place);
+        place[0] +=
+            test_uniform(&seed, -9, 9) * ldexp(sphere_spacing(&shape, level, 0), w.around ? 0 : w.decimation);
+        place[1] += test_uniform(&seed, -9, 9) * sphere_spacing(&shape, level, 1);
+        if (fabs(place[1]) > M_PI / 2 * RADIUS) continue;
+        bool serves = sphere_window_serves(&shape, level, &w, place);
+        served += serves, refused += !serves;
+        assert_true(!serves || window_holds(&shape, level, &w, place));
+    }
+    FIGURE("windows left behind: %d of %d still serve, and hold all that is sampled", served,
+           served + refused);
+    assert_true(served > 0 && refused > 0);
+    terrain_destroy(terrain);
+}
+
+// Near the viewer single columns are sampled wherever columns crowd, but at the poles themselves.
+static void columns_stand_alone_near_the_viewer(void **state)
+{
+    (void)state;
+    struct terrain *terrain = planet(512, 10);
+    struct sphere_shape shape;
+    sphere_shape_init(&shape, terrain, 512, 0.5);
+    for (double latitude = 0; latitude <= 88; latitude += 1) {
+        double place[2] = {0.3 * RADIUS, latitude * DEGREE * RADIUS};
+        int finest = sphere_finest_wanted(&shape, place, 0);
+        struct sphere_window w = sphere_window_wanted(&shape, finest, place),
+                             last = sphere_window_wanted(&shape, shape.sampled, place);
+        assert_int_equal(w.decimation, 0);
+        assert_true((last.decimation > 0) == (finest < shape.sampled)); // and no more than is needed
+        assert_true(finest >= shape.sampled - last.decimation);
+        // Rings that are wide on the screen need none of them.
+        double wide = 0.25 * 512 * sphere_spacing(&shape, 0, 1) / RADIUS;
+        assert_true(sphere_finest_wanted(&shape, place, wide) >= 0);
+    }
+    terrain_destroy(terrain);
 }
 
 static void windows_hold_what_rings_sample(void **state)
@@ -242,21 +302,21 @@ static void windows_hold_what_rings_sample(void **state)
         struct terrain *terrain = planet(COLUMNS[c], 10);
         struct sphere_shape shape;
         int azimuths = c ? 128 : 256;
-        sphere_shape_init(&shape, terrain, azimuths);
+        sphere_shape_init(&shape, terrain, azimuths, 0.5);
         uint64_t seed = 5;
         for (int k = 0; k < test_size(6, 300); k++)
-            check_windows(terrain, &shape, test_uniform(&seed, -4, 4), asin(test_uniform(&seed, -1, 1)));
+            check_windows(&shape, test_uniform(&seed, -4, 4), asin(test_uniform(&seed, -1, 1)));
         for (int level = shape.finest; level < shape.coarsest;
              level += test_size(4, 1)) { // a ring that just reaches the pole
-            double angle = 2 * azimuths * ldexp(shape.spacing_m[1], level) / (SPHERE_TEXEL_SHARE * RADIUS);
+            double angle = 0.25 * azimuths * ldexp(shape.spacing_m[1], level) / RADIUS;
             if (angle >= M_PI / 2) break;
             for (int side = -1; side <= 1; side++) {
-                check_windows(terrain, &shape, 1, M_PI / 2 - angle * (1 + side * 1e-6));
-                check_windows(terrain, &shape, 2, -(M_PI / 2 - angle * (1 + side * 1e-6)));
+                check_windows(&shape, 1, M_PI / 2 - angle * (1 + side * 1e-6));
+                check_windows(&shape, 2, -(M_PI / 2 - angle * (1 + side * 1e-6)));
             }
         }
-        check_windows(terrain, &shape, 0, M_PI / 2);
-        check_windows(terrain, &shape, M_PI, -M_PI / 2);
+        check_windows(&shape, 0, M_PI / 2);
+        check_windows(&shape, M_PI, -M_PI / 2);
         terrain_destroy(terrain);
     }
 }
@@ -344,12 +404,20 @@ static void boxes_hold_their_blocks(void **state)
 
 struct memory {
     int size;
-    float *texels;
+    float *texels, *heights;
+    int32_t *columns;
+    const struct sphere_shape *shape;
+    const struct terrain *terrain;
 };
 
-static void write_memory(void *user, int slot_x, int slot_y, int width, int height, const float *heights_q)
+static void read_memory(void *user, int level, int decimation, const struct clipmap_box *box, int slot_x,
+                        int slot_y)
 {
     struct memory *memory = user;
+    const float *heights_q = memory->heights;
+    int width = (int)(box->hi[0] - box->lo[0] + 1), height = (int)(box->hi[1] - box->lo[1] + 1);
+    sphere_read_texels(memory->shape, memory->terrain, level, decimation, box, memory->heights,
+                       memory->columns);
     assert_true(slot_x >= 0 && slot_y >= 0 && slot_x + width <= memory->size &&
                 slot_y + height <= memory->size);
     for (int j = 0; j < height; j++)
@@ -363,33 +431,33 @@ static void walks_leave_levels_whole(void **state)
     (void)state;
     struct terrain *terrain = planet(512, 4);
     struct sphere_shape shape;
-    sphere_shape_init(&shape, terrain, 64);
+    sphere_shape_init(&shape, terrain, 64, 0.5);
     size_t count = (size_t)shape.size * (size_t)shape.size;
-    struct memory walked = {shape.size, calloc(count, sizeof(float))},
-                  fresh = {shape.size, calloc(count, sizeof(float))};
     float *heights = malloc(count * sizeof *heights);
     int32_t *columns = malloc((count + 1) * sizeof *columns);
+    struct memory walked = {shape.size, calloc(count, sizeof(float)), heights, columns, &shape, terrain},
+                  fresh = {shape.size, calloc(count, sizeof(float)), heights, columns, &shape, terrain};
+    const struct sphere_source into_walked = {read_memory, NULL, &walked},
+                               into_fresh = {read_memory, NULL, &fresh};
     uint64_t seed = 3, steady = 0, steps = 0;
     for (int level = shape.finest; level <= shape.coarsest; level++) {
         struct sphere_store store = {.held.box = {{0, 0}, {-1, -1}}};
         double place[2] = {1.2 * RADIUS, 1.3 * RADIUS}, cell = ldexp(shape.spacing_m[1], level);
         for (int step = 0; step < test_size(12, 400); step++) {
-            bool whole, jump = step % 6 == 5;
+            bool jump = step % 6 == 5;
             place[0] += cell * test_uniform(&seed, -1, 3);
             place[1] += cell * test_uniform(&seed, -1, 1);
             if (jump) place[1] = asin(test_uniform(&seed, -1, 1)) * RADIUS;
             place[1] = fmin(fmax(place[1], -M_PI / 2 * RADIUS), M_PI / 2 * RADIUS);
             struct sphere_window wanted = sphere_window_wanted(&shape, level, place);
             bool kept = wanted.decimation == store.held.decimation && wanted.around == store.held.around;
-            uint64_t read = sphere_store_move(&store, &shape, terrain, level, &wanted, UINT64_MAX, heights,
-                                              columns, write_memory, &walked, &whole);
-            assert_true(whole);
+            uint64_t read =
+                sphere_store_move(&store, shape.size, level, &wanted, UINT64_MAX, false, &into_walked);
+            assert_true(clipmap_box_equal(&store.held.box, &wanted.box));
             if (step && !jump && kept) steady += read, steps++;
         }
         struct sphere_store other = {.held.box = {{0, 0}, {-1, -1}}};
-        bool whole;
-        sphere_store_move(&other, &shape, terrain, level, &store.held, UINT64_MAX, heights, columns,
-                          write_memory, &fresh, &whole);
+        sphere_store_move(&other, shape.size, level, &store.held, UINT64_MAX, false, &into_fresh);
         for (int64_t y = store.held.box.lo[1]; y <= store.held.box.hi[1]; y++)
             for (int64_t x = store.held.box.lo[0]; x <= store.held.box.hi[0]; x++) {
                 size_t at = (size_t)clipmap_slot(y, shape.size) * (size_t)shape.size +
@@ -404,6 +472,75 @@ static void walks_leave_levels_whole(void **state)
     terrain_destroy(terrain);
 }
 
+// ---- late texels -------------------------------------------------------------------
+
+// Columns of 16 x 16 texels arrive one every few questions.
+struct late {
+    struct memory memory;
+    uint8_t arrived[64 * 64];
+    int asked;
+};
+
+static bool is_there(void *user, int level, int decimation, const struct clipmap_box *box)
+{
+    struct late *late = user;
+    bool there = true;
+    (void)level, (void)decimation;
+    for (int64_t y = box->lo[1] >> 4; y <= box->hi[1] >> 4; y++)
+        for (int64_t x = box->lo[0] >> 4; x <= box->hi[0] >> 4; x++) {
+            uint8_t *block = &late->arrived[(y & 63) * 64 + (x & 63)];
+            if (!*block && ++late->asked % 7 == 0) *block = 1;
+            there = there && *block;
+        }
+    return there;
+}
+
+static void read_late(void *user, int level, int decimation, const struct clipmap_box *box, int slot_x,
+                      int slot_y)
+{
+    struct late *late = user;
+    for (int64_t y = box->lo[1] >> 4; y <= box->hi[1] >> 4; y++)
+        for (int64_t x = box->lo[0] >> 4; x <= box->hi[0] >> 4; x++)
+            assert_true(late->arrived[(y & 63) * 64 + (x & 63)]); // nothing is waited for
+    read_memory(&late->memory, level, decimation, box, slot_x, slot_y);
+}
+
+// A level that waits for its texels holds none that is not there, grows frame by frame, and in the end holds
+// what a waiting one does.
+static void late_texels_are_not_waited_for(void **state)
+{
+    (void)state;
+    struct terrain *terrain = planet(512, 2);
+    struct sphere_shape shape;
+    sphere_shape_init(&shape, terrain, 128, 0.5);
+    size_t count = (size_t)shape.size * (size_t)shape.size;
+    float *heights = malloc(count * sizeof *heights);
+    int32_t *columns = malloc((count + 1) * sizeof *columns);
+    struct late late = {
+        .memory = {shape.size, calloc(count, sizeof(float)), heights, columns, &shape, terrain}};
+    struct memory fresh = {shape.size, calloc(count, sizeof(float)), heights, columns, &shape, terrain};
+    const struct sphere_source into_late = {read_late, is_there, &late},
+                               into_fresh = {read_memory, NULL, &fresh};
+    struct sphere_store store = {.held.box = clipmap_empty}, other = {.held.box = clipmap_empty};
+    double place[2] = {0.4 * RADIUS, 0.9 * RADIUS};
+    struct sphere_window wanted = sphere_window_wanted(&shape, 0, place);
+    int frames = 0, serving = 0;
+    uint64_t held = 0;
+    for (; !clipmap_box_equal(&store.held.box, &wanted.box); frames++) {
+        sphere_store_move(&store, shape.size, 0, &wanted, UINT64_MAX, false, &into_late);
+        assert_true(clipmap_box_samples(&store.held.box) >= held && frames < 1000);
+        held = clipmap_box_samples(&store.held.box);
+        serving += sphere_window_serves(&shape, 0, &store.held, place);
+    }
+    sphere_store_move(&other, shape.size, 0, &wanted, UINT64_MAX, true, &into_fresh);
+    assert_memory_equal(late.memory.texels, fresh.texels, count * sizeof(float));
+    FIGURE("late texels: a level is whole after %d frames, and serves in the last %d of them", frames,
+           serving);
+    assert_true(frames > 2 && serving > 0 && serving < frames);
+    free(late.memory.texels), free(fresh.texels), free(heights), free(columns);
+    terrain_destroy(terrain);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -412,10 +549,13 @@ int main(void)
         cmocka_unit_test(texels_are_monotone_on_a_small_ring),
         cmocka_unit_test(the_pattern_is_carried_over_a_pole),
         cmocka_unit_test(windows_hold_what_rings_sample),
+        cmocka_unit_test(windows_serve_while_they_hold),
+        cmocka_unit_test(columns_stand_alone_near_the_viewer),
         cmocka_unit_test(horizons_are_exact),
         cmocka_unit_test(rings_end_at_a_pixel),
         cmocka_unit_test(boxes_hold_their_blocks),
         cmocka_unit_test(walks_leave_levels_whole),
+        cmocka_unit_test(late_texels_are_not_waited_for),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
