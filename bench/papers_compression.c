@@ -33,7 +33,9 @@ static bool packed_open(struct packed *p, const char *map)
     strcpy(p->folder, "/tmp/relief-XXXXXX");
     if (!mkdtemp(p->folder)) return p->folder[0] = 0, fail("papers: /tmp cannot be written");
     snprintf(p->path, sizeof p->path, "%s/map.relief", p->folder);
-    return heightfield_load(&p->field, map);
+    bool good = heightfield_load(&p->field, map);
+    p->field.radius_m = 0; // the raster, as other coders see it
+    return good;
 }
 
 static void packed_close(struct packed *p)

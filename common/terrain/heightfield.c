@@ -102,7 +102,7 @@ static void describe_planet(struct heightfield *field, const struct sidecar *sid
     field->spacing_m[0] = field->spacing_m[1] = sidecar->radius_m * sidecar->spacing_deg * DEGREE;
 }
 
-static void describe(struct heightfield *field, const struct sidecar *sidecar)
+void heightfield_describe(struct heightfield *field, const struct sidecar *sidecar)
 {
     memcpy(field->spacing_m, sidecar->spacing_m, sizeof field->spacing_m);
     field->quantum_m = sidecar->height_scale;
@@ -114,7 +114,7 @@ static void describe(struct heightfield *field, const struct sidecar *sidecar)
 static bool take_grey16(struct heightfield *field, const char *path, const uint16_t *raw,
                         const struct sidecar *sidecar)
 {
-    describe(field, sidecar);
+    heightfield_describe(field, sidecar);
     if (!allocate(field, path)) return false;
     for (int64_t y = 0; y < field->height; y++)
         for (int64_t x = 0; x < field->width; x++)
@@ -228,7 +228,7 @@ static double float_height(float value, const struct sidecar *sidecar)
 static bool take_floats(struct heightfield *field, const char *path, const unsigned char *data,
                         const struct sidecar *sidecar)
 {
-    describe(field, sidecar);
+    heightfield_describe(field, sidecar);
     double *height_m = malloc((size_t)(field->width * field->height) * sizeof *height_m);
     if (!height_m) return fail("%s: does not fit in memory", path);
     for (int64_t y = 0; y < field->height; y++)

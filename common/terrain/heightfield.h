@@ -23,6 +23,8 @@
 #ifndef COMMON_TERRAIN_HEIGHTFIELD_H
 #define COMMON_TERRAIN_HEIGHTFIELD_H
 
+#include "common/terrain/sidecar.h"
+
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -42,6 +44,9 @@ struct heightfield {
 
 // False after one line on stderr; the heightfield is then empty.
 bool heightfield_load(struct heightfield *field, const char *path);
+
+// Spacing, scale, and whether it is a planet, of a map of field->width x field->height samples.
+void heightfield_describe(struct heightfield *field, const struct sidecar *sidecar);
 
 // A PNG and its sidecar in memory; `path` names them in messages.
 bool heightfield_load_memory(struct heightfield *field, const char *path, const void *png, size_t png_size,

@@ -242,7 +242,7 @@ static struct terrain *open_relief(const char *path, const struct terrain_option
 
 struct terrain *terrain_load(const char *path, const struct terrain_options *options)
 {
-    if (relief_is_name(path)) return open_relief(path, options);
+    if (relief_is_name(path) && !relief_is_whole_planet(path)) return open_relief(path, options);
     struct heightfield field;
     if (!heightfield_load(&field, path)) return NULL;
     struct terrain *terrain = from_heightfield(&field, options);

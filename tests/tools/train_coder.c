@@ -3,7 +3,7 @@
 // starts from those that are printed when no map is given, and runs it again with what came out: the same
 // every time. SPDX-License-Identifier: MIT
 #include "common/report.h"
-#include "common/terrain/relief/coder.h"
+#include "common/terrain/relief/relief_format.h"
 #include "common/terrain/relief/relief_pack.h"
 
 #include <stdio.h>
@@ -43,6 +43,7 @@ static void print_tables(const struct coder_counts *counts)
     printf("// Made by `make tables`; do not edit.  SPDX-License-Identifier: MIT\n"
            "#include \"common/terrain/relief/coder.h\"\n\n// clang-format off\nconst struct coder_tables "
            "CODER_TABLES = {{\n");
+    uint8_t words[2 * CODER_SETS * CODER_CONTEXTS * CODER_TOKENS], *word = words; // little-endian
     for (int set = 0; set < CODER_SETS; set++) {
         double share[CODER_TOKENS];
         for (int t = 0; t < CODER_TOKENS; t++) share[t] = 1.0 / CODER_TOKENS;
@@ -51,13 +52,15 @@ static void print_tables(const struct coder_counts *counts)
             int frequency[CODER_TOKENS], start = 0;
             normalise(counts->of[set][c], share, share, frequency);
             printf("{");
-            for (int t = 0; t < CODER_TOKENS; start += frequency[t++])
+            for (int t = 0; t < CODER_TOKENS; start += frequency[t++]) {
                 printf("%d%s", start, t + 1 < CODER_TOKENS ? "," : "");
+                *word++ = (uint8_t)start, *word++ = (uint8_t)(start >> 8);
+            }
             printf("},\n");
         }
         printf("},\n");
     }
-    printf("}};\n");
+    printf("}};\nconst uint32_t CODER_TABLES_CRC = 0x%08x;\n", relief_crc(words, sizeof words));
 }
 
 // Geometric distributions: a mean of 0.05 in the first context, 1.3 times more from context to context.

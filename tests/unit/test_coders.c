@@ -25,6 +25,7 @@ static double ratio_to(const char *peer, const char *map, double rms_m, double m
     double ratio = 0;
     if (!test_data(map, path)) return 0;
     assert_true(heightfield_load(&field, path));
+    field.radius_m = 0; // the raster, as other coders see it
     const struct coder_aim aim = {rms_m, max_m};
     double own = relief_bytes_of(&field, &aim), samples = (double)(field.width * field.height);
     printf("figure: %s, %s %g m, bits a sample: relief %.4f", map, rms_m > 0 ? "rms" : "max",

@@ -20,10 +20,12 @@ struct seed_file {
 static const struct {
     enum layout layout;
     int width, height;
-    double error_m;
-} SEEDS[] = {{LAYOUT_WAVELET, 41, 70, 4}, {LAYOUT_BOUNDED, 70, 41, 2}, {LAYOUT_BOUNDED, 33, 18, 0},
-             {LAYOUT_WAVELET, 5, 7, 1},   {LAYOUT_PYRAMID, 37, 21, 2}, {LAYOUT_MARS, 41, 30, 0},
-             {LAYOUT_RAW, 19, 11, 0}};
+    double error_m, radius_m;
+} SEEDS[] = {{LAYOUT_WAVELET, 41, 70, 4, 0}, {LAYOUT_BOUNDED, 70, 41, 2, 0},
+             {LAYOUT_BOUNDED, 33, 18, 0, 0}, {LAYOUT_WAVELET, 5, 7, 1, 0},
+             {LAYOUT_PYRAMID, 37, 21, 2, 0}, {LAYOUT_MARS, 41, 30, 0, 0},
+             {LAYOUT_RAW, 19, 11, 0, 0},     {LAYOUT_PYRAMID, 384, 65, 90, 1e6},
+             {LAYOUT_RAW, 32, 9, 0, 1e6},    {LAYOUT_WAVELET, 10, 9, 30, 1e6}};
 enum { SEED_COUNT = sizeof SEEDS / sizeof *SEEDS };
 
 static struct seed_file make_seed(int n)
@@ -38,6 +40,7 @@ static struct seed_file make_seed(int n)
                                 .height = height,
                                 .spacing_m = {30, 30},
                                 .quantum_m = 0.1,
+                                .radius_m = SEEDS[n].radius_m,
                                 .samples = malloc((size_t)(width * height) * sizeof(int32_t))};
     for (int i = 0; i < width * height; i++)
         field.samples[i] = (int32_t)(900 * sin(i % width * 0.11) * cos(i / width * 0.07)) +

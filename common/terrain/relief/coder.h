@@ -35,6 +35,7 @@ struct coder_tables {
     uint16_t start[CODER_SETS][CODER_CONTEXTS][CODER_TOKENS]; // cumulated; the last token ends at 2^14
 };
 extern const struct coder_tables CODER_TABLES;
+extern const uint32_t CODER_TABLES_CRC; // of their 16-bit words, little-endian
 
 // What of a tile both sides know beforehand.
 struct coder_tile {

@@ -7,6 +7,7 @@
 #include "common/terrain/relief/relief_file.h"
 #include "common/terrain/relief/relief_pack.h"
 #include "common/terrain/relief/relief_program.h"
+#include "common/terrain/relief/relief_source.h"
 #include "common/terrain/voids.h"
 
 #include <cjson/cJSON.h>
@@ -91,6 +92,7 @@ static int compare_maps(const char *const words[2], bool json)
         double start = coder_cpu_seconds();
         good = heightfield_load(&fields[i], words[i]);
         seconds[i] = coder_cpu_seconds() - start;
+        good = good && (!fields[i].pixel_centred || relief_source_lines(&fields[i]));
     }
     if (good && (fields[0].width != fields[1].width || fields[0].height != fields[1].height))
         good = fail("%s: %lld x %lld samples, but %s has %lld x %lld; equal sizes are expected", words[1],
@@ -197,6 +199,7 @@ static int compare_coders(const char *path, const struct coder_aim *aim, bool js
 {
     struct heightfield field;
     if (!heightfield_load(&field, path)) return EXIT_WORLD;
+    field.radius_m = 0; // the raster, as the others see it
     bool good = voids_count(field.samples, (size_t)(field.width * field.height)) == 0 ||
                 voids_fill(field.samples, field.width, field.height) ||
                 fail("%s: its voids cannot be filled; at least one height is expected", path);

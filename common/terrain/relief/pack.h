@@ -1,6 +1,7 @@
 // A map on its way into a .relief file: what the parts of packing share (relief_pack.h says how it goes).
 //
 //   relief_pack.c    the plan, what an earlier run left, the order of things
+//   pack_poles.c     what stands in the poles of a planet's levels
 //   pack_stages.c    regions, stages and the top: reduced and coded
 //   pack_steps.c     the steps that reach an aim
 //   pack_assemble.c  the file, from what was coded
@@ -10,6 +11,7 @@
 
 #include "common/terrain/relief/pack_region.h"
 #include "common/terrain/relief/pack_store.h"
+#include "common/terrain/relief/planet_source.h"
 #include "common/terrain/relief/relief_pack.h"
 
 #include <stdlib.h>
@@ -121,6 +123,12 @@ bool pack_prepare_top(struct pack *p);
 bool pack_code_top(struct pack *p, bool write);
 bool pack_reduce_all(struct pack *p); // what is left to reduce
 bool pack_code_all(struct pack *p);   // what is left to code, with the steps at hand
+
+// ---- pack_poles.c ----------------------------------------------------------
+
+// The poles of all levels, before anything is reduced: they are the same in whatever regions the rest is
+// done.
+bool pack_find_poles(struct pack *p, const struct planet_source *planet);
 
 // ---- pack_steps.c ----------------------------------------------------------
 

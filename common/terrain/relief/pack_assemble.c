@@ -31,6 +31,12 @@ static void put_base(const struct pack *p, struct relief_bytes *to)
         relief_put_difference(to, (int64_t)k - before);
         before = k;
     }
+    before = 0;
+    for (int l = 0; c->poles.planet && l <= c->poles.coarsest; l++)
+        for (int end = 0; end < 2; end++) {
+            relief_put_difference(to, (int64_t)c->poles.q[l][end] - before);
+            before = c->poles.q[l][end];
+        }
 }
 
 static bool put_tile(struct assembly *a, const struct tile_entry *tile, uint32_t error_q, const uint8_t *data)

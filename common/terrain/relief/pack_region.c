@@ -175,6 +175,35 @@ void region_finish(struct region *region)
     }
 }
 
+// ---- poles -----------------------------------------------------------------
+
+int64_t region_pole_row(const struct pack_coder *coder, int level, int end)
+{
+    int64_t margin = coder->poles.margin >> level;
+    return end ? coder->grid.size[level][1] - 1 - margin : margin;
+}
+
+// The pole's height where a row is one that is known.
+static const int32_t *pole_at(const struct pack_coder *coder, int level, int64_t y)
+{
+    const struct pack_poles *poles = &coder->poles;
+    for (int end = 0; poles->planet && level < poles->known && end < 2; end++)
+        if (y == region_pole_row(coder, level, end)) return &poles->q[level][end];
+    return NULL;
+}
+
+// A pole is one height on all meridians.
+static void flatten_poles(const struct pack_coder *coder, int level, int bits, const struct patch *patch)
+{
+    for (int end = 0; coder->poles.planet && end < 2; end++) {
+        int64_t y = region_pole_row(coder, level, end);
+        const int32_t *pole = pole_at(coder, level, y);
+        if (!pole || y < patch->rect.y0 || y >= patch->rect.y1) continue;
+        for (int64_t x = patch->rect.x0; x < patch->rect.x1; x++)
+            *patch_at(patch, x, y) = *pole * (1 << bits);
+    }
+}
+
 // ---- from fine to coarse ---------------------------------------------------
 
 bool region_reduce(struct region *r)
@@ -183,6 +212,8 @@ bool region_reduce(struct region *r)
         struct region_level *at = &r->level[l];
         at->bands[0] = at[1].wanted;
         if (!r->coder->method->reduce(&at->wanted, at->bands)) return false;
+        // A level that tells the finer one without loss stays what it is; readers level its poles.
+        if (!r->coder->method->smooth) flatten_poles(r->coder, l + 1, r->coder->fraction_bits, &at[1].wanted);
     }
     return true;
 }
@@ -293,8 +324,9 @@ static void inverse_rows(int block, void *user)
     if (!layout_wavelet_inverse(&c->region->coder->grid, c->level, bands, &wanted)) c->region->failed = true;
 }
 
-static void measure_tile(const struct region *r, const struct region_level *at, int64_t tx, int64_t ty)
+static void measure_tile(const struct region *r, int level, int64_t tx, int64_t ty)
 {
+    const struct region_level *at = &r->level[level];
     const struct rect *core = &at->decoded.rect;
     int bits = r->coder->fraction_bits;
     int64_t x0 = tx * LAYOUT_SAMPLES, x1 = smaller(x0 + LAYOUT_SAMPLES + 1, core->x1);
@@ -310,6 +342,12 @@ static void measure_tile(const struct region *r, const struct region_level *at, 
     struct packed_tile *tile = own_tile(at, tx, ty);
     tile->min_q = region_quanta(low, bits); // rounding keeps the order
     tile->max_q = region_quanta(high, bits);
+    for (int end = 0; end < 2; end++) {
+        int64_t y = region_pole_row(r->coder, level, end);
+        const int32_t *pole = y >= y0 && y < y1 ? pole_at(r->coder, level, y) : NULL;
+        if (pole && *pole < tile->min_q) tile->min_q = *pole;
+        if (pole && *pole > tile->max_q) tile->max_q = *pole;
+    }
 }
 
 static void measure_tile_row(int block, void *user)
@@ -317,7 +355,7 @@ static void measure_tile_row(int block, void *user)
     const struct coding *c = user;
     const struct region_level *at = &c->region->level[c->level];
     for (int64_t tx = at->core_tiles.x0; tx < at->core_tiles.x1; tx++)
-        measure_tile(c->region, at, tx, at->core_tiles.y0 + block);
+        measure_tile(c->region, c->level, tx, at->core_tiles.y0 + block);
 }
 
 bool region_code(struct region *r, bool write)
@@ -351,13 +389,17 @@ int32_t region_quanta(int32_t value, int fraction_bits)
 void region_measure(const struct region *r, struct region_sums *sums)
 {
     const struct region_level *at = &r->level[0];
+    const int64_t *size = r->coder->grid.size[0], margin = r->coder->poles.margin;
     int bits = r->coder->fraction_bits;
-    for (int64_t y = at->core.y0; y < at->core.y1; y++) {
-        const int32_t *got = patch_at(&at->decoded, at->core.x0, y);
-        const int32_t *wanted = patch_at(&at->wanted, at->core.x0, y);
+    const struct rect core = {larger(at->core.x0, margin), larger(at->core.y0, margin),
+                              smaller(at->core.x1, size[0] - margin), smaller(at->core.y1, size[1] - margin)};
+    if (core.x1 <= core.x0 || core.y1 <= core.y0) return;
+    for (int64_t y = core.y0; y < core.y1; y++) {
+        const int32_t *got = patch_at(&at->decoded, core.x0, y), *pole = pole_at(r->coder, 0, y);
+        const int32_t *wanted = patch_at(&at->wanted, core.x0, y);
         uint64_t row = 0; // a square is less than 2^48: emptied every 2^16 samples
-        for (int64_t x = 0; x < rect_width(&at->core); x++) {
-            int32_t q = region_quanta(got[x], bits);
+        for (int64_t x = 0; x < rect_width(&core); x++) {
+            int32_t q = pole ? *pole : region_quanta(got[x], bits);
             int64_t d = llabs((int64_t)q - (wanted[x] >> bits));
             row += (uint64_t)(d * d);
             sums->most = d > sums->most ? d : sums->most;
@@ -367,7 +409,7 @@ void region_measure(const struct region *r, struct region_sums *sums)
         }
         sums->squares += row;
     }
-    sums->samples += rect_width(&at->core) * rect_height(&at->core);
+    sums->samples += rect_width(&core) * rect_height(&core);
 }
 
 // The surface of a level over the cells that the core touches: its samples in quanta, cells + 1 along each
@@ -419,6 +461,7 @@ static bool surface_init(struct surface *s, struct region *r, int level, const s
     for (int64_t y = known.y0; good && y < known.y1; y++)
         for (int64_t x = known.x0; x < known.x1; x++)
             *patch_at(&s->at, x, y) = region_quanta(*patch_at(from, x, y), r->coder->fraction_bits);
+    if (good) flatten_poles(r->coder, level, 0, &s->at);
     if (good) continue_surface(s, size, &known);
     free(room);
     return good;
@@ -574,6 +617,7 @@ bool region_errors(struct region *r, const struct region_reader *reader, uint32_
     int64_t count = rect_width(&finest->rect) * rect_height(&finest->rect);
     for (int64_t i = 0; i < count; i++)
         finest->samples[i] = region_quanta(finest->samples[i], r->coder->fraction_bits);
+    flatten_poles(r->coder, 0, 0, finest);
     parallel_blocks(r->coarse - 1, r->threads, measure_level, &m);
     if (m.failed) return false;
     return r->coarse >= r->coder->grid.count - 1 || measure_beyond(r, reader, beyond);

@@ -8,6 +8,14 @@
 
 #include <stddef.h>
 
+struct pack_poles { // of a planet: what stands in the rows of its poles (relief_format.h)
+    bool planet;
+    int coarsest;
+    int64_t margin;              // of level 0
+    int32_t q[LAYOUT_LEVELS][2]; // quanta, south and north
+    int known;                   // levels below this have theirs
+};
+
 struct pack_coder { // what all regions of a map share
     struct grid grid;
     enum layout layout;
@@ -16,6 +24,7 @@ struct pack_coder { // what all regions of a map share
     int32_t lambda_65536; // these two as coder_rate has them
     bool uneven;
     int32_t step[LAYOUT_LEVELS][CODER_BANDS];
+    struct pack_poles poles;
     struct coder_counts *counts; // NULL, or what the coder saw (one thread)
 };
 
@@ -62,7 +71,10 @@ bool region_code(struct region *region, bool write);
 
 int32_t region_quanta(int32_t value, int fraction_bits); // of internal units, limited
 
-// What decoding gives against what was wanted, over the core of level 0.
+// Row of a level in which a planet's pole stands: end 0 the south one.
+int64_t region_pole_row(const struct pack_coder *coder, int level, int end);
+
+// What decoding gives against what was wanted, over the core of level 0 without a planet's margin.
 __extension__ typedef unsigned __int128 region_wide;
 struct region_sums {
     region_wide squares;

@@ -33,6 +33,7 @@ struct relief {
     struct grid grid;
     int32_t step[LAYOUT_LEVELS][CODER_BANDS]; // of the base: [count - 1][0]
     int32_t base[LAYOUT_BASE * LAYOUT_BASE];  // internal units
+    int32_t poles[LAYOUT_LEVELS][2];          // of a planet
     struct tile_table tiles;
     atomic_bool told; // that a tile is harmed: once is enough, whatever number of threads meet it
 };
@@ -104,6 +105,12 @@ static bool parse_base(struct relief *r, const uint8_t *data)
     for (int64_t i = 0; i < count; i++) {
         k = (int64_t)((uint64_t)k + (uint64_t)relief_get_difference(&reader));
         r->base[i] = (int32_t)((uint32_t)k * (uint32_t)r->step[top][0]);
+    }
+    int64_t pole = 0;
+    for (int i = 0; r->header.radius_m > 0 && i < 2 * (r->header.coarsest + 1); i++) {
+        pole = (int64_t)((uint64_t)pole + (uint64_t)relief_get_difference(&reader));
+        if (pole < -QUANTA_LIMIT || pole > QUANTA_LIMIT) return false;
+        r->poles[i / 2][i % 2] = (int32_t)pole;
     }
     return !reader.bad && reader.at == reader.end;
 }
@@ -447,7 +454,27 @@ bool relief_window(const struct relief *r, int level, int64_t x0, int64_t y0, in
     const struct patch wanted = {{x0, y0, x0 + width, y0 + height}, out};
     if (!relief_units(r, level, &wanted)) return false;
     relief_quanta(r, out, width * height);
+    relief_level_poles(r, level, &wanted);
     return true;
+}
+
+// ---- planets ---------------------------------------------------------------
+
+const int32_t *relief_poles(const struct relief *relief, int level)
+{
+    return relief->poles[level];
+}
+
+void relief_level_poles(const struct relief *r, int level, const struct patch *samples)
+{
+    if (!(r->header.radius_m > 0) || level > r->header.coarsest) return;
+    int64_t margin = r->header.margin >> level;
+    const int64_t rows[2] = {margin, r->grid.size[level][1] - 1 - margin};
+    for (int end = 0; end < 2; end++) {
+        if (rows[end] < samples->rect.y0 || rows[end] >= samples->rect.y1) continue;
+        int32_t *row = patch_at(samples, samples->rect.x0, rows[end]);
+        for (int64_t x = 0; x < rect_width(&samples->rect); x++) row[x] = r->poles[level][end];
+    }
 }
 
 // ---- the whole map ---------------------------------------------------------
@@ -458,18 +485,20 @@ bool relief_load(struct heightfield *field, const char *path)
     struct relief *r = relief_open(path);
     if (!r) return false;
     const struct relief_header *h = &r->header;
-    field->width = h->size[0];
-    field->height = h->size[1];
+    int64_t margin = h->margin;
+    field->width = h->size[0] - 2 * margin;
+    field->height = h->size[1] - 2 * margin;
+    field->radius_m = h->radius_m;
     memcpy(field->spacing_m, h->spacing_m, sizeof field->spacing_m);
     field->quantum_m = h->quantum_m;
     field->offset_m = h->offset_m;
     bool good = true;
-    if (h->size[0] > most / h->size[1])
+    if (field->width > most / field->height)
         good = fail("%s: %lld x %lld samples are more than memory serves; at most %lld are accepted", path,
-                    (long long)h->size[0], (long long)h->size[1], (long long)most);
+                    (long long)field->width, (long long)field->height, (long long)most);
     if (good) field->samples = malloc((size_t)(field->width * field->height) * sizeof *field->samples);
     if (good && !field->samples) good = fail("%s: does not fit in memory", path);
-    good = good && relief_window(r, 0, 0, 0, field->width, field->height, field->samples);
+    good = good && relief_window(r, 0, margin, margin, field->width, field->height, field->samples);
     relief_close(r);
     return good;
 }

@@ -20,12 +20,20 @@ void relief_close(struct relief *relief); // accepts NULL
 const struct relief_header *relief_header(const struct relief *relief);
 const struct grid *relief_grid(const struct relief *relief);
 
+// Of a planet (relief_format.h): heights in quanta of its south and north pole at a level up to its coarsest.
+// Each is one height on all meridians; what the tiles hold in those rows is only near it.
+const int32_t *relief_poles(const struct relief *relief, int level);
+// Puts them in where `samples`, quanta, hold such a row; nothing on the plane.
+void relief_level_poles(const struct relief *relief, int level, const struct patch *samples);
+
 // Bytes of header, tiles, base and index: what bits a sample count.
 uint64_t relief_sample_bytes(const struct relief *relief);
 
 // What the side section says of tile `number` (grid.first_tile + ty * tiles[0] + tx): its samples reach from
 // LAYOUT_SAMPLES * t to LAYOUT_SAMPLES * (t + 1), both ends included.  Extrema are exact unless the file's
-// heights span more than 65,535 quanta; then they are conservative.
+// heights span more than 65,535 quanta; then they are conservative.  Of a planet they include the poles;
+// what a tile at the seam says of the column beyond it is that of the margin, which a lossy coder may have
+// left a little off the first column's.
 struct relief_tile_side {
     uint64_t offset; // of the tile's bytes in the payload
     uint32_t bytes, crc;

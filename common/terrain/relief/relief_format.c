@@ -76,6 +76,12 @@ static double get_double(const uint8_t *from)
     return value;
 }
 
+// Layouts that know no tables serve with any.
+static uint32_t tables_crc(enum layout layout)
+{
+    return layout == LAYOUT_MARS || layout == LAYOUT_RAW ? 0 : CODER_TABLES_CRC;
+}
+
 void relief_header_write(const struct relief_header *h, uint8_t b[RELIEF_HEADER])
 {
     memset(b, 0, RELIEF_HEADER);
@@ -97,6 +103,10 @@ void relief_header_write(const struct relief_header *h, uint8_t b[RELIEF_HEADER]
     put_u64(b + 140, h->index_crc, 4);
     put_u64(b + 144, h->side_crc, 4);
     memcpy(b + 152, h->name, sizeof h->name - 1);
+    put_double(b + 216, h->radius_m);
+    put_u64(b + 224, (uint32_t)h->margin, 4);
+    put_u64(b + 228, (uint32_t)h->coarsest, 4);
+    put_u64(b + 232, tables_crc(h->layout), 4);
     put_u64(b + RELIEF_HEADER - 4, relief_crc(b, RELIEF_HEADER - 4), 4);
 }
 
@@ -108,16 +118,54 @@ static bool numbers_are_good(const struct relief_header *h)
            isfinite(h->rms_m) && h->max_m >= 0 && isfinite(h->max_m);
 }
 
+struct relief_planet relief_planet(const struct relief_header *h)
+{
+    int64_t columns = h->size[0] - 2 * (int64_t)h->margin, rows = h->size[1] - 2 * (int64_t)h->margin;
+    return (struct relief_planet){sphere_grid(-columns / 2, columns, rows), h->margin, h->coarsest};
+}
+
+struct relief_planet relief_planet_plan(int64_t columns, int64_t rows, int reach)
+{
+    enum { LEAST = 32, ROWS = 4 }; // margins in a turn, and from pole to pole: a map is not margin mostly
+    struct relief_planet planet = {sphere_grid(-columns / 2, columns, rows), 0, 0};
+    struct sphere_grid at = planet.grid;
+    while (sphere_has_coarser(&at) && at.columns > 2 * LAYOUT_BASE &&
+           ((int64_t)reach << (planet.coarsest + 1)) * LEAST <= columns &&
+           ((int64_t)reach << (planet.coarsest + 1)) * ROWS <= rows)
+        at = sphere_level(&planet.grid, ++planet.coarsest);
+    planet.margin = planet.coarsest > 0 ? (int64_t)reach << planet.coarsest : 0;
+    return planet;
+}
+
+// Of a planet: that its levels are whole ones.
+static bool planet_is_good(const struct relief_header *h)
+{
+    if (h->radius_m == 0) return h->margin == 0 && h->coarsest == 0;
+    if (!(h->radius_m > 0) || !isfinite(h->radius_m) || h->margin < 0 || h->coarsest < 0) return false;
+    struct relief_planet planet = relief_planet(h);
+    if (planet.grid.columns < 4 || planet.grid.columns % 2 || h->size[1] % 2 == 0 || planet.grid.pole < 1 ||
+        h->coarsest >= LAYOUT_LEVELS || planet.margin > planet.grid.pole ||
+        planet.margin % ((int64_t)1 << h->coarsest))
+        return false;
+    for (int l = 0; l < h->coarsest; l++) {
+        struct sphere_grid at = sphere_level(&planet.grid, l);
+        if (!sphere_has_coarser(&at) || at.columns <= 2 * LAYOUT_BASE) return false;
+    }
+    return true;
+}
+
 const char *relief_header_read(struct relief_header *h, const uint8_t b[RELIEF_HEADER])
 {
     const int64_t most = (int64_t)1 << 32; // samples along an axis
     memset(h, 0, sizeof *h);
     if (memcmp(b, MAGIC, sizeof MAGIC) != 0) return "does not begin as a .relief file does";
-    if (get_u64(b + 8, 4) != RELIEF_VERSION_NUMBER) return "is of another version; version 1 is accepted";
+    if (get_u64(b + 8, 4) != RELIEF_VERSION_NUMBER) return "is of another version; version 2 is accepted";
     if (get_u64(b + RELIEF_HEADER - 4, 4) != relief_crc(b, RELIEF_HEADER - 4))
         return "has a header that does not match its checksum";
     if (get_u64(b + 12, 4) >= LAYOUTS) return "is of a codec that is not known";
     h->layout = (enum layout)get_u64(b + 12, 4);
+    if (get_u64(b + 232, 4) != tables_crc(h->layout))
+        return "was coded with other tables than this program has; pack it again";
     for (int axis = 0; axis < 2; axis++) {
         h->size[axis] = (int64_t)get_u64(b + 16 + 8 * axis, 8);
         h->spacing_m[axis] = get_double(b + 32 + 8 * axis);
@@ -138,6 +186,9 @@ const char *relief_header_read(struct relief_header *h, const uint8_t b[RELIEF_H
     memcpy(h->name, b + 152, sizeof h->name - 1);
     for (char *c = h->name; *c; c++)
         if ((unsigned char)*c < 32) *c = '?';
+    h->radius_m = get_double(b + 216);
+    h->margin = (int32_t)get_u64(b + 224, 4), h->coarsest = (int32_t)get_u64(b + 228, 4);
+    if (!planet_is_good(h)) return "claims a planet that cannot be";
     return NULL;
 }
 

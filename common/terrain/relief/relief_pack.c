@@ -90,7 +90,7 @@ static uint64_t identity_of(const struct pack *p)
 {
     const struct relief_pack_options *o = p->options;
     uint64_t hash = p->source->identity;
-    const double aims[4] = {o->layout, o->rms_m, o->max_m, o->scaled};
+    const double aims[5] = {o->layout, o->rms_m, o->max_m, o->scaled, RELIEF_VERSION_NUMBER};
     hash = pack_scrambled(hash ^ relief_crc((const uint8_t *)aims, sizeof aims));
     hash = pack_scrambled(hash ^ relief_crc((const uint8_t *)&CODER_TABLES, sizeof CODER_TABLES));
     hash = pack_scrambled(hash ^ relief_crc((const uint8_t *)p->source->name, strlen(p->source->name)));
@@ -154,15 +154,19 @@ static void describe(struct pack *p, struct relief_header *h)
     h->quantum_m = s->quantum_m, h->offset_m = s->offset_m;
     h->fraction_bits = p->coder.fraction_bits;
     h->voids_filled = s->voids_filled;
+    h->radius_m = s->radius_m;
+    h->margin = (int)p->coder.poles.margin, h->coarsest = p->coder.poles.coarsest;
     memcpy(h->name, s->name, sizeof h->name);
 }
 
 // ---- packing ---------------------------------------------------------------
 
-static bool pack_stages(struct pack *p, struct relief_header *header, struct steps *steps)
+static bool pack_stages(struct pack *p, const struct planet_source *planet, struct relief_header *header,
+                        struct steps *steps)
 {
     bool wavelet = p->options->layout == LAYOUT_WAVELET;
     p->progress.begun_s = p->progress.shown_s = pack_seconds();
+    if (p->coder.poles.planet && !pack_find_poles(p, planet)) return false;
     if (!pack_reduce_all(p) || !pack_prepare_top(p)) return false;
     if (!wavelet) pack_set_bounded_steps(p);
     bool coded = wavelet ? pack_code_wavelet(p, steps)
@@ -192,14 +196,22 @@ static void finish(struct pack *p)
     pthread_mutex_destroy(&p->lock);
 }
 
-bool relief_pack_source(const struct relief_source *source, const struct relief_pack_options *options,
+bool relief_pack_source(const struct relief_source *from, const struct relief_pack_options *options,
                         const char *path, struct relief_header *header)
 {
+    struct planet_source planet;
+    int reach = pack_method(options->layout)->reach;
+    // At least 1: tiles reach a sample beyond themselves, also at the seam.
+    if (from->radius_m > 0 && !planet_source_init(&planet, from, reach > 0 ? reach : 1)) return false;
+    const struct relief_source *source = from->radius_m > 0 ? &planet.map : from;
     struct pack *p = calloc(1, sizeof *p);
     if (!p) return fail("%s: out of memory", source->name);
     p->source = source, p->options = options, p->sums = pack_no_sums();
     pthread_mutex_init(&p->lock, NULL);
     struct pack_coder *c = &p->coder;
+    if (from->radius_m > 0)
+        c->poles = (struct pack_poles){
+            .planet = true, .coarsest = planet.planet.coarsest, .margin = planet.planet.margin};
     grid_init(&c->grid, source->size[0], source->size[1]);
     c->layout = options->layout, c->method = pack_method(options->layout);
     c->lambda_65536 = LAMBDA_65536, c->counts = options->counts;
@@ -214,7 +226,7 @@ bool relief_pack_source(const struct relief_source *source, const struct relief_
     for (int l = 0; l < LAYOUT_LEVELS; l++) p->store.width[l] = c->grid.size[l][0];
     describe(p, header);
     bool opened = good, taken = good && take_up(p, records, count, &steps);
-    good = taken && pack_stages(p, header, &steps);
+    good = taken && pack_stages(p, &planet, header, &steps);
     pack_progress_end(p);
     if (opened && path && !good && !p->failed) store_fail(&p->store);
     if (path && (good || (taken && nothing_is_done(p))))

@@ -26,6 +26,17 @@ bool relief_is_name(const char *path)
     return length > 7 && strcasecmp(path + length - 7, ".relief") == 0;
 }
 
+bool relief_is_whole_planet(const char *path)
+{
+    uint8_t bytes[RELIEF_HEADER];
+    struct relief_header header;
+    FILE *file = fopen(path, "rb");
+    bool whole = file && fread(bytes, 1, sizeof bytes, file) == sizeof bytes &&
+                 relief_header_read(&header, bytes) == NULL && header.radius_m > 0;
+    if (file) fclose(file);
+    return whole;
+}
+
 static double cpu_seconds(void)
 {
     struct timespec t;
@@ -74,12 +85,31 @@ static double peak_mib(void)
     return getrusage(RUSAGE_SELF, &usage) == 0 ? (double)usage.ru_maxrss / 1024 : 0;
 }
 
+// Samples of a level along an axis, a planet's margin not counted.
+static int64_t size_of(const struct relief_header *h, int level, int axis)
+{
+    struct grid grid;
+    grid_init(&grid, h->size[0], h->size[1]);
+    return grid.size[level][axis] - 2 * ((int64_t)h->margin >> level);
+}
+
+static double samples_of(const struct relief_header *h)
+{
+    return (double)size_of(h, 0, 0) * (double)size_of(h, 0, 1);
+}
+
+static int levels_of(const struct relief *relief)
+{
+    const struct relief_header *h = relief_header(relief);
+    return h->radius_m > 0 ? h->coarsest + 1 : relief_grid(relief)->count;
+}
+
 static void print_packed(const char *path, const struct relief_header *h, double wall_s)
 {
-    double samples = (double)h->size[0] * (double)h->size[1];
+    double samples = samples_of(h);
     double bytes = (double)(RELIEF_HEADER + h->payload_bytes + h->base_bytes + h->index_bytes);
-    printf("%s: %s, %lld x %lld samples\n", path, LAYOUT_NAMES[h->layout], (long long)h->size[0],
-           (long long)h->size[1]);
+    printf("%s: %s, %lld x %lld samples\n", path, LAYOUT_NAMES[h->layout], (long long)size_of(h, 0, 0),
+           (long long)size_of(h, 0, 1));
     printf("%.0f bytes of samples, %.4f bits a sample; side section %.0f bytes, %.4f bits a sample\n", bytes,
            8 * bytes / samples, (double)h->side_bytes, 8 * (double)h->side_bytes / samples);
     printf("rms %.4g m, max %.4g m against the source; packed in %.2f s, %.2f s of CPU time, %.0f MiB at the "
@@ -181,12 +211,17 @@ static void print_info_json(const struct relief *relief, double bytes)
 {
     const struct relief_header *h = relief_header(relief);
     const struct grid *grid = relief_grid(relief);
-    double samples = (double)h->size[0] * (double)h->size[1];
+    double samples = samples_of(h);
     cJSON *root = cJSON_CreateObject();
     cJSON_AddStringToObject(root, "name", h->name);
-    cJSON_AddNumberToObject(root, "width", (double)h->size[0]);
-    cJSON_AddNumberToObject(root, "height", (double)h->size[1]);
+    cJSON_AddNumberToObject(root, "width", (double)size_of(h, 0, 0));
+    cJSON_AddNumberToObject(root, "height", (double)size_of(h, 0, 1));
     cJSON_AddItemToObject(root, "spacing_m", cJSON_CreateDoubleArray(h->spacing_m, 2));
+    if (h->radius_m > 0) {
+        cJSON_AddNumberToObject(root, "radius_m", h->radius_m);
+        cJSON_AddNumberToObject(root, "spacing_deg", 360.0 / (double)size_of(h, 0, 0));
+        cJSON_AddNumberToObject(root, "margin", h->margin);
+    }
     cJSON_AddNumberToObject(root, "height_scale", h->quantum_m);
     cJSON_AddNumberToObject(root, "height_offset", h->offset_m);
     cJSON_AddNumberToObject(root, "min_height_m", h->quantum_m * h->min_q + h->offset_m);
@@ -201,12 +236,12 @@ static void print_info_json(const struct relief *relief, double bytes)
     cJSON_AddNumberToObject(root, "rms_m", h->rms_m);
     cJSON_AddNumberToObject(root, "max_m", h->max_m);
     cJSON *levels = cJSON_AddArrayToObject(root, "levels");
-    for (int l = 0; l < grid->count; l++) {
+    for (int l = 0; l < levels_of(relief); l++) {
         cJSON *item = cJSON_CreateObject();
         cJSON_AddItemToArray(levels, item);
         cJSON_AddNumberToObject(item, "level", l);
-        cJSON_AddNumberToObject(item, "width", (double)grid->size[l][0]);
-        cJSON_AddNumberToObject(item, "height", (double)grid->size[l][1]);
+        cJSON_AddNumberToObject(item, "width", (double)size_of(h, l, 0));
+        cJSON_AddNumberToObject(item, "height", (double)size_of(h, l, 1));
         if (l < grid->count - 1)
             cJSON_AddNumberToObject(item, "max_error_m", level_error_m(relief, l));
         else
@@ -222,18 +257,21 @@ static void print_info_text(const struct relief *relief, double bytes)
 {
     const struct relief_header *h = relief_header(relief);
     const struct grid *grid = relief_grid(relief);
-    double samples = (double)h->size[0] * (double)h->size[1];
-    printf("%s: %lld x %lld samples, %g x %g m apart, codec %s\n", h->name, (long long)h->size[0],
-           (long long)h->size[1], h->spacing_m[0], h->spacing_m[1], LAYOUT_NAMES[h->layout]);
+    double samples = samples_of(h);
+    printf("%s: %lld x %lld samples, %g x %g m apart, codec %s\n", h->name, (long long)size_of(h, 0, 0),
+           (long long)size_of(h, 0, 1), h->spacing_m[0], h->spacing_m[1], LAYOUT_NAMES[h->layout]);
+    if (h->radius_m > 0)
+        printf("a planet of radius %g m, with a margin of %d samples over the seam and the poles\n",
+               h->radius_m, h->margin);
     printf("heights %g to %g m in steps of %g m, %llu voids filled\n", h->quantum_m * h->min_q + h->offset_m,
            h->quantum_m * h->max_q + h->offset_m, h->quantum_m, (unsigned long long)h->voids_filled);
     printf("rms %.4g m, max %.4g m against the source\n", h->rms_m, h->max_m);
     printf("%.0f bytes: samples %.4f bits each, side section %.4f bits a sample\n", bytes,
            8 * (double)relief_sample_bytes(relief) / samples, 8 * (double)h->side_bytes / samples);
     printf("\n level      samples   at most so far from level 0, m\n");
-    for (int l = 0; l < grid->count; l++) {
+    for (int l = 0; l < levels_of(relief); l++) {
         char size[48];
-        snprintf(size, sizeof size, "%lld x %lld", (long long)grid->size[l][0], (long long)grid->size[l][1]);
+        snprintf(size, sizeof size, "%lld x %lld", (long long)size_of(h, l, 0), (long long)size_of(h, l, 1));
         if (l < grid->count - 1)
             printf("%6d %12s %32.3f\n", l, size, level_error_m(relief, l));
         else

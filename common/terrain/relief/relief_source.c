@@ -5,6 +5,7 @@
 #include "common/terrain/amplify.h"
 #include "common/terrain/relief/relief_file.h"
 #include "common/terrain/sidecar.h"
+#include "common/terrain/sphere.h"
 #include "common/terrain/upsample.h"
 #include "common/terrain/voids.h"
 
@@ -34,6 +35,7 @@ static uint64_t identity_of(const struct relief_source *s, const void *more, siz
     hash = hashed(hash, s->spacing_m, sizeof s->spacing_m);
     hash = hashed(hash, &s->quantum_m, sizeof s->quantum_m);
     hash = hashed(hash, &s->offset_m, sizeof s->offset_m);
+    hash = hashed(hash, &s->radius_m, sizeof s->radius_m);
     return hashed(hash, more, size);
 }
 
@@ -41,6 +43,14 @@ void relief_source_finish(struct relief_source *source)
 {
     if (source->finish) source->finish(source);
     memset(source, 0, sizeof *source);
+}
+
+bool relief_is_planet(const char *name, int64_t columns, int64_t rows)
+{
+    return (columns >= 4 && columns % 2 == 0 && rows >= 3 && rows % 2 == 1) ||
+           fail("%s: %lld x %lld samples are not a whole planet; an even number of columns and an odd one of "
+                "rows, from pole to pole, are accepted",
+                name, (long long)columns, (long long)rows);
 }
 
 static bool ends_in(const char *path, const char *ending)
@@ -60,6 +70,18 @@ static bool field_window(const struct relief_source *source, const struct patch 
     return true;
 }
 
+bool relief_source_lines(struct heightfield *field)
+{
+    int32_t *samples =
+        field->width % 2 ? NULL : sphere_from_pixels(field->samples, field->width, field->height);
+    if (!samples) return fail("%s: out of memory, or an odd number of columns", field->name);
+    free(field->samples);
+    field->samples = samples;
+    field->height++;
+    field->pixel_centred = false;
+    return true;
+}
+
 bool relief_source_field(struct relief_source *s, struct heightfield *field)
 {
     size_t count = (size_t)field->width * (size_t)field->height;
@@ -69,6 +91,9 @@ bool relief_source_field(struct relief_source *s, struct heightfield *field)
         return fail("%s: every sample is void; at least one height is expected", field->name);
     if (s->voids_filled && !voids_fill(field->samples, field->width, field->height))
         return fail("%s: out of memory", field->name);
+    if (field->radius_m > 0 && field->pixel_centred && !relief_source_lines(field)) return false;
+    if (field->radius_m > 0 && !relief_is_planet(field->name, field->width, field->height)) return false;
+    count = (size_t)field->width * (size_t)field->height;
     for (size_t i = 0; i < count; i++)
         if (abs(field->samples[i]) > s->magnitude_q) s->magnitude_q = abs(field->samples[i]);
     if (s->magnitude_q > QUANTA_LIMIT)
@@ -77,7 +102,7 @@ bool relief_source_field(struct relief_source *s, struct heightfield *field)
     memcpy(s->name, field->name, sizeof s->name);
     s->size[0] = field->width, s->size[1] = field->height;
     memcpy(s->spacing_m, field->spacing_m, sizeof s->spacing_m);
-    s->quantum_m = field->quantum_m, s->offset_m = field->offset_m;
+    s->quantum_m = field->quantum_m, s->offset_m = field->offset_m, s->radius_m = field->radius_m;
     s->identity = identity_of(s, field->samples, count * sizeof *field->samples);
     s->window = field_window;
     s->data = field;
@@ -172,12 +197,16 @@ static bool open_raw(struct relief_source *s, const char *path, size_t memory_by
 {
     struct sidecar sidecar;
     struct stat status;
+    struct heightfield map = {0};
     *serves = false;
     if (!heightfield_is_raw(path) || stat(path, &status) != 0 || (size_t)status.st_size <= memory_bytes / 8 ||
         sidecar_load(&sidecar, path) != SIDECAR_GOOD || sidecar.type == SIDECAR_FLOAT32 ||
         !sidecar.has_type || sidecar.width < 1 || sidecar.height < 1 ||
         (double)status.st_size != 2.0 * (double)sidecar.width * (double)sidecar.height)
         return true; // loading says what is wrong, if anything is
+    map.width = sidecar.width, map.height = sidecar.height;
+    heightfield_describe(&map, &sidecar);
+    if (map.pixel_centred) return true;
     *serves = true;
     struct raw_file *raw = calloc(1, sizeof *raw);
     if (!raw) return fail("%s: out of memory", path);
@@ -191,8 +220,8 @@ static bool open_raw(struct relief_source *s, const char *path, size_t memory_by
     const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path, *dot = strrchr(name, '.');
     snprintf(s->name, sizeof s->name, "%.*s", (int)(dot - name), name);
     s->size[0] = sidecar.width, s->size[1] = sidecar.height;
-    memcpy(s->spacing_m, sidecar.spacing_m, sizeof s->spacing_m);
-    s->quantum_m = sidecar.height_scale, s->offset_m = sidecar.height_offset;
+    memcpy(s->spacing_m, map.spacing_m, sizeof s->spacing_m);
+    s->quantum_m = map.quantum_m, s->offset_m = map.offset_m, s->radius_m = map.radius_m;
     s->data = raw;
     s->finish = finish_raw;
     s->window = raw_window;

@@ -11,6 +11,7 @@ struct relief_source {
     char name[64];
     int64_t size[2];
     double spacing_m[2], quantum_m, offset_m;
+    double radius_m; // of a whole planet: columns of a turn from 180 W, rows from pole to pole; 0: a plane
     uint64_t voids_filled;
     uint64_t identity;   // two sources that give different samples have different ones
     int32_t magnitude_q; // no sample is larger
@@ -26,7 +27,15 @@ struct relief_source {
 bool relief_source_open(struct relief_source *source, const char *path, size_t memory_bytes);
 void relief_source_finish(struct relief_source *source); // accepts a zeroed struct
 
-// A map that the caller keeps; its voids are filled.  False after one line on stderr.
+// A map that the caller keeps; its voids are filled, and cells of a planet become samples on the grid lines
+// (sphere_from_pixels).  False after one line on stderr.
 bool relief_source_field(struct relief_source *source, struct heightfield *field);
+
+// A planet's cells become samples on the lines between them, a row more of them.  False after one line on
+// stderr.
+bool relief_source_lines(struct heightfield *field);
+
+// False after one line on stderr: no grid from pole to pole has this size.
+bool relief_is_planet(const char *name, int64_t columns, int64_t rows);
 
 #endif
