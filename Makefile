@@ -173,6 +173,10 @@ us-scale: ## pack a made world of 216,000 x 93,600 samples: build/us.relief (hal
 	$(MAKE) --no-print-directory $(BUILD)/terrain
 	$(BUILD)/terrain pack bench/worlds/us.json $(BUILD)/us.relief --rms 2 --progress
 
+earth-scale: ## pack a whole Earth of 43,200 x 21,601 samples, made from the 5' map of $RELIEF_DATA: build/earth.relief
+	$(MAKE) --no-print-directory $(BUILD)/terrain
+	$(BUILD)/terrain pack bench/worlds/earth.json $(BUILD)/earth.relief --rms 8 --progress
+
 report: $(BUILD)/bench ## rebuild reports/default/index.html from its results.json
 	$(BUILD)/bench report reports/default
 
@@ -186,4 +190,4 @@ clean: ## remove what was built
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
-.PHONY: all deps bench papers us-scale tables test soak run-tests fuzz check format format-check lint layers headers report install clean help
+.PHONY: all deps bench papers us-scale earth-scale tables test soak run-tests fuzz check format format-check lint layers headers report install clean help

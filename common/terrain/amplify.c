@@ -2,6 +2,7 @@
 #include "common/terrain/amplify.h"
 
 #include "common/report.h"
+#include "common/terrain/detail.h"
 #include "common/terrain/generate.h"
 #include "common/terrain/relief/relief_format.h"
 #include "common/terrain/relief/relief_source.h"
@@ -29,9 +30,11 @@ struct amplify {
     double spacing_m[2], quantum_m, offset_m;
     int levels;
     uint64_t seed;
+    double radius_m;             // 0: a plane
     double sigma_q[MOST_LEVELS]; // of the noise of each level
     int32_t *base;               // quanta
     uint32_t crc;                // of all of this
+    struct detail planet;        // of a planet: its levels below that of base
 };
 
 // ---- samples ---------------------------------------------------------------
@@ -76,10 +79,22 @@ static bool fill(const struct amplify *a, int level, int64_t x0, int64_t y0, int
     return good;
 }
 
+static void planet_window(const struct amplify *a, const struct rect *r, int32_t *out)
+{
+    const struct sphere_grid grid = sphere_level(&a->planet.grid, -a->levels);
+    detail_window(&a->planet, -a->levels, r->x0 + grid.first, r->y0 - grid.pole, (int)rect_width(r),
+                  (int)rect_height(r), out);
+    for (int64_t i = 0; i < rect_width(r) * rect_height(r); i++) out[i] = limited(out[i]);
+}
+
 static bool window(const struct relief_source *source, const struct patch *to)
 {
     const struct amplify *a = source->data;
     int width = (int)rect_width(&to->rect);
+    if (a->radius_m > 0) {
+        planet_window(a, &to->rect, to->samples);
+        return true;
+    }
     for (int64_t y = to->rect.y0; y < to->rect.y1; y += ROWS_AT_ONCE) { // coarse rows stay in the cache
         int64_t rows = to->rect.y1 - y < ROWS_AT_ONCE ? to->rect.y1 - y : ROWS_AT_ONCE;
         if (!fill(a, 0, to->rect.x0, y, width, (int)rows, patch_at(to, to->rect.x0, y)))
@@ -106,6 +121,7 @@ bool amplify_source(struct relief_source *s, struct amplify *a)
     memcpy(s->size, a->size, sizeof s->size);
     memcpy(s->spacing_m, a->spacing_m, sizeof s->spacing_m);
     s->quantum_m = a->quantum_m, s->offset_m = a->offset_m;
+    s->radius_m = a->radius_m;
     s->identity = (uint64_t)a->crc << 32 | (uint32_t)a->size[0];
     s->magnitude_q = LIMIT;
     s->window = window;
@@ -127,29 +143,116 @@ static struct terrain *load_terrain(const char *spec, const char *name)
     return terrain_load(path, &options);
 }
 
+// Four samples and the weights that they have at a fraction of the way from the second to the third: the
+// cubic through them, which is U at the half.
+static double cubic(const double z[4], double t)
+{
+    double a = -t * (t - 1) * (t - 2) / 6, b = (t + 1) * (t - 1) * (t - 2) / 2;
+    double c = -(t + 1) * t * (t - 2) / 2, d = (t + 1) * t * (t - 1) / 6;
+    return a * z[0] + b * z[1] + c * z[2] + d * z[3];
+}
+
+// The source's height in its quanta at sample (i, j) of a planet of `grid`.
+static double planet_height(const struct terrain *terrain, const struct sphere_grid *from,
+                            const struct sphere_grid *grid, int64_t i, int64_t j)
+{
+    double x = (double)(i * from->columns) / (double)grid->columns,
+           y = (double)(j * from->pole) / (double)grid->pole;
+    int64_t west = (int64_t)floor(x), south = (int64_t)floor(y);
+    int32_t samples[16];
+    terrain_window(terrain, 0, west - 1, south - 1, 4, 4, samples, TERRAIN_WAIT);
+    double across[4];
+    for (int row = 0; row < 4; row++) {
+        double z[4];
+        for (int k = 0; k < 4; k++) z[k] = samples[4 * row + k];
+        across[row] = cubic(z, x - (double)west);
+    }
+    return cubic(across, y - (double)south);
+}
+
+static bool keep_height(struct amplify *a, int64_t at, double q)
+{
+    a->base[at] = (int32_t)rint(q);
+    return fabs(q) <= LIMIT ||
+           fail("%s: heights of %g quanta; at most %d are accepted, so a coarser quantum_m", a->name, fabs(q),
+                LIMIT);
+}
+
+static bool take_planet(struct amplify *a, const struct terrain *terrain, double scale)
+{
+    struct terrain_extent e = terrain_level(terrain, 0).extent;
+    const struct sphere_grid from = sphere_grid(e.x0, e.x1 - e.x0, e.y1 - e.y0);
+    const struct sphere_grid grid = sphere_grid(-a->base_size[0] / 2, a->base_size[0], a->base_size[1]);
+    for (int64_t j = -grid.pole; j <= grid.pole; j++)
+        for (int64_t i = 0; i < grid.columns; i++)
+            if (!keep_height(a, (j + grid.pole) * grid.columns + i,
+                             scale * planet_height(terrain, &from, &grid, i + grid.first, j)))
+                return false;
+    sphere_level_poles(&grid, a->base);
+    a->planet = (struct detail){.grid = grid, .samples = a->base, .seed = a->seed};
+    for (int l = 0; l < a->levels; l++) a->planet.sigma_q[a->levels - l] = a->sigma_q[l];
+    return true;
+}
+
+static bool take_plane(struct amplify *a, const struct terrain *terrain, double scale)
+{
+    struct terrain_extent e = terrain_level(terrain, 0).extent;
+    terrain_window(terrain, 0, e.x0, e.y0, (int)a->base_size[0], (int)a->base_size[1], a->base, TERRAIN_WAIT);
+    for (int64_t i = 0; i < a->base_size[0] * a->base_size[1]; i++)
+        if (!keep_height(a, i, scale * a->base[i])) return false;
+    return true;
+}
+
+// How many of the source's samples one of base's is, along an axis: 1 on the plane.
+static double finer(const struct amplify *a, const struct terrain *terrain)
+{
+    struct terrain_extent e = terrain_level(terrain, 0).extent;
+    return (double)a->base_size[0] / (double)(e.x1 - e.x0);
+}
+
 static bool take_base(struct amplify *a, const struct terrain *terrain, double height_scale)
 {
-    const struct terrain_info *info = terrain_info(terrain);
-    struct terrain_extent e = terrain_level(terrain, 0).extent;
-    a->base_size[0] = e.x1 - e.x0, a->base_size[1] = e.y1 - e.y0;
-    size_t count = (size_t)(a->base_size[0] * a->base_size[1]);
-    a->base = malloc(count * sizeof *a->base);
-    if (!a->base) return fail("%s: out of memory", a->name);
-    terrain_window(terrain, 0, e.x0, e.y0, (int)a->base_size[0], (int)a->base_size[1], a->base, TERRAIN_WAIT);
-    double scale = info->quantum_m * height_scale / a->quantum_m;
-    for (size_t i = 0; i < count; i++) {
-        double q = rint(scale * a->base[i]);
-        if (fabs(q) > LIMIT)
-            return fail("%s: heights of %g quanta; at most %d are accepted, so a coarser quantum_m", a->name,
-                        fabs(q), LIMIT);
-        a->base[i] = (int32_t)q;
-    }
+    double scale = terrain_info(terrain)->quantum_m * height_scale / a->quantum_m;
     double first = terrain_level(terrain, -1).noise_q * scale,
            next = terrain_level(terrain, -2).noise_q * scale;
     for (int l = 0; l < a->levels; l++) {
-        int above = a->levels - 1 - l; // levels between the first made one and this
+        double above =
+            a->levels - 1 - l + log2(finer(a, terrain)); // levels between the source's first and this
         a->sigma_q[l] = first > 0 ? first * pow(next / first, above) : 0;
     }
+    a->base = malloc((size_t)(a->base_size[0] * a->base_size[1]) * sizeof *a->base);
+    if (!a->base) return fail("%s: out of memory", a->name);
+    return a->radius_m > 0 ? take_planet(a, terrain, scale) : take_plane(a, terrain, scale);
+}
+
+// The sizes of a planet and of what it is made from; false after one line on stderr.
+static bool size_planet(struct amplify *a, const struct terrain *terrain, const char *path)
+{
+    struct terrain_extent e = terrain_level(terrain, 0).extent;
+    int64_t scale = (int64_t)1 << a->levels;
+    if (a->size[0] == 0) a->size[0] = (e.x1 - e.x0) * scale;
+    if (a->size[1] == 0) a->size[1] = (e.y1 - e.y0 - 1) * scale + 1;
+    a->base_size[0] = a->size[0] / scale, a->base_size[1] = (a->size[1] - 1) / scale + 1;
+    if (a->size[0] % scale || (a->size[1] - 1) % scale || a->base_size[0] < 4 || a->base_size[0] % 2 ||
+        a->base_size[1] < 3 || a->base_size[1] % 2 == 0)
+        return fail(
+            "%s: %lld x %lld samples are no planet of %d levels; a width of 2^levels times an even number "
+            "and a height of 2^levels times an even number and one more are accepted",
+            path, (long long)a->size[0], (long long)a->size[1], a->levels);
+    a->radius_m = terrain_info(terrain)->radius_m;
+    a->spacing_m[0] = 2 * M_PI * a->radius_m / (double)a->size[0];
+    a->spacing_m[1] = M_PI * a->radius_m / (double)(a->size[1] - 1);
+    return true;
+}
+
+static bool size_plane(struct amplify *a, const struct terrain *terrain, const char *path, double spacing_m)
+{
+    const struct terrain_info *info = terrain_info(terrain);
+    struct terrain_extent e = terrain_level(terrain, 0).extent;
+    if (a->size[0] == 0 || a->size[1] == 0) return fail("%s: lacks \"width\" or \"height\"", path);
+    a->base_size[0] = e.x1 - e.x0, a->base_size[1] = e.y1 - e.y0;
+    for (int axis = 0; axis < 2; axis++)
+        a->spacing_m[axis] = spacing_m > 0 ? spacing_m : ldexp(info->spacing_m[axis], -a->levels);
     return true;
 }
 
@@ -197,7 +300,8 @@ static bool read_spec(const cJSON *root, const char *path, struct spec *spec)
     const double whole[4] = {spec->width, spec->height, spec->levels, spec->seed};
     for (int i = 0; i < 4; i++)
         if (whole[i] != floor(whole[i])) return fail("%s: %g is no whole number", path, whole[i]);
-    return (spec->generate && spec->width > 0 && spec->height > 0) ||
+    bool made = spec->generate && strcmp(spec->generate, "amplify") == 0; // a planet may do without a size
+    return (spec->generate && (made || (spec->width > 0 && spec->height > 0))) ||
            fail("%s: lacks \"generate\", \"width\" or \"height\"", path);
 }
 
@@ -214,11 +318,11 @@ static bool make_amplify(const struct spec *spec, const char *path, struct ampli
     a->size[0] = (int64_t)spec->width, a->size[1] = (int64_t)spec->height;
     a->levels = (int)spec->levels;
     a->seed = (uint64_t)spec->seed;
-    for (int axis = 0; axis < 2; axis++)
-        a->spacing_m[axis] = spec->spacing_m > 0 ? spec->spacing_m : ldexp(info->spacing_m[axis], -a->levels);
     a->quantum_m = spec->quantum_m > 0 ? spec->quantum_m : 1.0 / 16;
     a->offset_m = info->offset_m * spec->height_scale;
-    bool good = take_base(a, terrain, spec->height_scale);
+    bool good = (info->datum == TERRAIN_SPHERE ? size_planet(a, terrain, path)
+                                               : size_plane(a, terrain, path, spec->spacing_m)) &&
+                take_base(a, terrain, spec->height_scale);
     terrain_destroy(terrain);
     if (!good) {
         amplify_free(a);

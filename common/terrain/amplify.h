@@ -10,6 +10,12 @@
 // file, sought beside the spec and in $RELIEF_DATA.  By default spacing_m is the source's / 2^levels,
 // height_scale 1, quantum_m 1/16, seed 1.
 //
+// Of a whole planet (a source with radius_m, heightfield.h) a planet is made: {"generate": "amplify",
+// "source": "earth.png", "levels": 3, "width": 43200, "height": 21601}.  The source is first brought to width
+// / 2^levels columns, (height - 1) / 2^levels + 1 rows from pole to pole, by the 4-point rule; from there
+// levels are those of detail.h, which go on over the seam and the poles.  width and height are the source's *
+// 2^levels when they are not told; spacing_m follows from the radius.
+//
 // Any kind of `terrain generate` (generate.h) serves too: {"generate": "fractal", "width": 1025, "height":
 // 1025, "spacing_m": 30, "relief_m": 1000, "seed": 1}; these are held in memory. SPDX-License-Identifier: MIT
 #ifndef COMMON_TERRAIN_AMPLIFY_H
