@@ -31,6 +31,7 @@ enum {
     KNOB_TRIGONOMETRY,
     KNOB_KEEP,
     KNOB_TEXTURE,
+    KNOB_COLOURS,
     KNOB_FETCH
 };
 
@@ -83,6 +84,10 @@ static const struct renderer_knob knobs[] = {
      "over a sphere: texels across what a level serves, as a share of a ring's vertices (published: 1/8 to "
      "1/4)",
      0.5, 0.125, 1, NULL},
+    {"colours",
+     "shading own over a sphere: texels across what a level of colours serves, as a share of a ring's "
+     "vertices (published: 1)",
+     1, 0.25, 4, NULL},
     {"fetch",
      "over a sphere: texels that a vertex looks up: its triangle of the level, blended near the next; or, as "
      "published, four of one level, or eight of two",
@@ -581,6 +586,7 @@ static bool init_sphere(struct clipmap *c, const struct renderer_desc *desc)
                                    .budget = knobs_set[KNOB_BUDGET] > 0 ? (uint64_t)knobs_set[KNOB_BUDGET]
                                                                         : UINT64_MAX,
                                    .texture = knobs_set[KNOB_TEXTURE],
+                                   .colours = knobs_set[KNOB_COLOURS],
                                    .fetch = (enum sphere_fetch)knobs_set[KNOB_FETCH],
                                    .form = (enum sphere_form)knobs_set[KNOB_TRIGONOMETRY]};
     c->sphere = clipmap_sphere_create(desc, &choice);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "clipmap/sphere.h"
 
+#include "clipmap/sphere_colour.h"
 #include "clipmap/sphere_levels.h"
 #include "clipmap/sphere_mesh.h"
 #include "common/report.h"
@@ -21,7 +22,9 @@ struct sphere_view {
     struct sphere_blocks blocks;
     int drawn;            // how often, since the vertices last changed
     uint64_t transformed; // vertices, to be kept, since the last update
-    GLuint heights;       // one layer a level
+    struct sphere_colours colours;
+    uint64_t colours_read;
+    GLuint heights; // one layer a level
     uint64_t texels_read, texels_left;
     int levels_behind; // that do not hold all they want to
     int finest_there;  // level: what is finer is not there yet
@@ -43,6 +46,8 @@ struct clipmap_sphere {
     struct sphere_rings rings;
     struct sphere_shape shape;
     struct sphere_mesh mesh;
+    struct sphere_colour colour; // where the scene has a colour image and calls for shading `own`
+    bool own_colour;
     int layers, view_count, frame;
     float *scratch;
     int32_t *columns;
@@ -68,13 +73,14 @@ static bool build_program(struct clipmap_sphere *s, struct sphere_program *p, co
 
 static bool build_programs(struct clipmap_sphere *s, const struct scene_effects *effects)
 {
-    char defines[128];
-    struct scene_effects common = scene_effects_common(effects);
+    char defines[192];
     for (int kept = 0; kept < 2; kept++) {
-        snprintf(defines, sizeof defines, GPU_SPHERE "#define SIZE %d\n#define FORM %d\n#define FETCH %d\n%s",
-                 s->shape.size, (int)s->choice.form, (int)s->choice.fetch, kept ? "#define KEPT\n" : "");
+        snprintf(defines, sizeof defines,
+                 GPU_SPHERE "#define SIZE %d\n#define FORM %d\n#define FETCH %d\n%s%s", s->shape.size,
+                 (int)s->choice.form, (int)s->choice.fetch, kept ? "#define KEPT\n" : "",
+                 s->own_colour ? "#define OWN_COLOUR\n" : "");
         for (int pass = 0; pass < PASS_COUNT; pass++)
-            if (!build_program(s, &s->programs[pass][kept], defines, &common, (enum render_pass)pass))
+            if (!build_program(s, &s->programs[pass][kept], defines, effects, (enum render_pass)pass))
                 return false;
     }
     return true;
@@ -85,6 +91,7 @@ static bool build_programs(struct clipmap_sphere *s, const struct scene_effects 
 static bool create_view(struct clipmap_sphere *s, struct sphere_view *own)
 {
     if (!sphere_blocks_init(&own->blocks, &s->mesh)) return false;
+    if (s->own_colour) sphere_colours_init(&own->colours, &s->colour);
     for (int k = 0; k < SPHERE_MAX_LEVELS; k++) own->stores[k].held.box = clipmap_empty;
     glGenTextures(1, &own->heights);
     glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
@@ -211,6 +218,9 @@ static void update_view(struct clipmap_sphere *s, struct sphere_view *own, const
     own->view = *view;
     own->range = sphere_ring_visible(&s->rings, s->terrain, view, over_ground(s->terrain, view));
     refill(s, own);
+    if (s->own_colour)
+        own->colours_read = sphere_colours_update(&own->colours, &s->colour, view->eye_place,
+                                                  sphere_ring_angle(&s->rings, own->range.inner));
     bool same = own->seen && !moved && range.outer == own->range.outer && range.inner == own->range.inner &&
                 !(least < own->least || own->least < least) && own->texels_read == 0;
     if (!same) own->drawn = 0;
@@ -269,19 +279,9 @@ static void set_uniforms(const struct clipmap_sphere *s, const struct sphere_pro
     GLfloat grids[SPHERE_MAX_LEVELS][4] = {{0}};
     const double *place = own->view.eye_place;
     double latitude = place[1] / s->shape.radius_m;
-    for (int k = 0; k < s->layers; k++) {
-        const struct sphere_window *window = &own->stores[k].held;
-        int64_t texel[2];
-        if (!window->period) continue; // never held
-        sphere_window_origin(&s->shape, s->shape.finest + k, window, place, texel, &grids[k][2]);
-        windows[k][0] = clipmap_slot(texel[0], window->period);
-        windows[k][1] = clipmap_slot(texel[1], s->shape.size);
-        windows[k][2] = window->period;
-        for (int axis = 0; axis < 2; axis++)
-            grids[k][axis] =
-                (float)(s->shape.radius_m / ldexp(sphere_spacing(&s->shape, s->shape.finest + k, axis),
-                                                  axis ? 0 : window->decimation));
-    }
+    for (int k = 0; k < s->layers; k++)
+        sphere_window_uniforms(&s->shape, s->shape.finest + k, &own->stores[k].held, place, windows[k],
+                               grids[k]);
     glUniform1i(p->heights, HEIGHTS_UNIT);
     glUniform4iv(p->windows, s->layers, &windows[0][0]);
     glUniform4fv(p->grids, s->layers, &grids[0][0]);
@@ -299,6 +299,8 @@ static void use_program(struct clipmap_sphere *s, const struct sphere_view *own,
     const struct sphere_program *program = &s->programs[pass][kept];
     gpu_use_program(s->gpu, &program->program);
     if (!kept) set_uniforms(s, program, own);
+    if (s->own_colour && pass == PASS_SHADED)
+        sphere_colours_use(&own->colours, &s->colour, program->program.name, own->view.eye_place);
 }
 
 // Vertices that are drawn once more are kept from then on (section 6.1).
@@ -329,21 +331,24 @@ void clipmap_sphere_stats(const struct clipmap_sphere *s, struct renderer_stats 
     *stats = (struct renderer_stats){
         .triangles = own->blocks.triangles,
         .claimed_error_px = NAN,
-        .resident_bytes = sphere_mesh_bytes(&s->mesh) +
-                          (texture + sphere_blocks_bytes(&own->blocks, &s->mesh)) * (uint64_t)s->view_count,
+        .resident_bytes =
+            sphere_mesh_bytes(&s->mesh) + (texture + (s->own_colour ? sphere_colours_bytes(&s->colour) : 0) +
+                                           sphere_blocks_bytes(&own->blocks, &s->mesh)) *
+                                              (uint64_t)s->view_count,
         .counters = {{"levels drawn", ceil(level_outer) - floor(level_inner) + 1},
                      {"rings drawn", own->range.inner - own->range.outer + 1},
                      {"blocks drawn", own->blocks.draws},
                      {"blocks", own->blocks.part_count * SPHERE_SECTORS},
                      {"vertices kept anew", (double)own->transformed},
                      {"samples updated", (double)own->texels_read},
+                     {"colours updated", (double)own->colours_read},
                      {"levels_behind", own->levels_behind},
                      {"finest level", own->finest_there}},
     };
     if (!s->reader) return;
     struct terrain_reader_counters reads = terrain_reader_counters(s->reader);
-    stats->counters[9] = (struct renderer_counter){"windows_missed", (double)reads.missed};
-    stats->counters[10] = (struct renderer_counter){"blocks_arrived", (double)reads.arrived};
+    stats->counters[10] = (struct renderer_counter){"windows_missed", (double)reads.missed};
+    stats->counters[11] = (struct renderer_counter){"blocks_arrived", (double)reads.arrived};
 }
 
 void clipmap_sphere_destroy(struct clipmap_sphere *s)
@@ -353,8 +358,10 @@ void clipmap_sphere_destroy(struct clipmap_sphere *s)
     for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {
         if (s->views[i].heights) glDeleteTextures(1, &s->views[i].heights);
         sphere_blocks_finish(&s->views[i].blocks);
+        sphere_colours_finish(&s->views[i].colours);
     }
     sphere_mesh_finish(&s->mesh);
+    sphere_colour_finish(&s->colour);
     terrain_reader_destroy(s->reader);
     free(s->scratch);
     free(s->columns);
@@ -377,9 +384,12 @@ struct clipmap_sphere *clipmap_sphere_create(const struct renderer_desc *desc,
     size_t texels = (size_t)s->shape.size * (size_t)s->shape.size;
     s->scratch = malloc(texels * sizeof *s->scratch);
     s->columns = malloc((texels + 1) * sizeof *s->columns);
+    s->own_colour = desc->effects->shading == SCENE_SHADING_OWN && desc->effects->colour;
     if (!s->scratch || !s->columns)
         fail("clipmap: no memory for %zu texels", texels);
-    else if (sphere_mesh_init(&s->mesh, s->gpu, &s->rings) && build_programs(s, desc->effects))
+    else if ((!s->own_colour || sphere_colour_init(&s->colour, s->gpu, desc->effects->colour,
+                                                   s->shape.radius_m, s->rings.azimuths, choice->colours)) &&
+             sphere_mesh_init(&s->mesh, s->gpu, &s->rings) && build_programs(s, desc->effects))
         return s;
     clipmap_sphere_destroy(s);
     return NULL;

@@ -4,6 +4,7 @@
 // clang-format off
 //   sphere_rings     rings, what of them is seen, where a vertex samples       (sections 3, 4.5, 5.1)
 //   sphere_levels    windows of heights about the viewer                       (sections 4.1 to 4.3)
+//   sphere_colour    the same of colours: shading `own`                        (sections 4.3, 6)
 //   sphere_mesh      the rings' buffers, blocks of them, their vertices kept    (sections 3.4, 6.1)
 //   sphere           the renderer: GL; clipmap.c hands over to it when the terrain is a sphere
 // clang-format on
@@ -24,7 +25,8 @@ struct sphere_choice {
     bool keep;       // transformed vertices, while the eye stands still
     bool rebuild;    // every level is read whole each frame
     uint64_t budget; // texels a frame but the first; UINT64_MAX: no limit
-    double texture;  // sphere_shape_init
+    double texture;  // of heights: sphere_shape_init
+    double colours;  // the same of colours, for shading `own`
     enum sphere_fetch fetch;
     enum sphere_form form;
 };

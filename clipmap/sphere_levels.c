@@ -23,10 +23,15 @@ void sphere_shape_init(struct sphere_shape *shape, const struct terrain *terrain
     if (shape->finest < shape->coarsest - SPHERE_MAX_LEVELS + 1)
         shape->finest = shape->coarsest - SPHERE_MAX_LEVELS + 1;
     if (shape->sampled < shape->finest) shape->sampled = shape->finest;
+    sphere_shape_size(shape);
+}
+
+void sphere_shape_size(struct sphere_shape *shape)
+{
     // Twice what rows need, for columns crowd; a turn must fit when no more columns can be taken together,
     // and the coarsest level whole.
     int64_t turn = shape->columns >> shape->coarsest, rows = 2 * (shape->pole >> shape->coarsest) + 1;
-    int wide = (int)ceil(2 * texture * azimuths);
+    int wide = (int)ceil(2 * shape->texture * shape->azimuths);
     while (turn % 2 == 0 && turn > wide) turn /= 2;
     int64_t least = (turn > rows ? turn : rows) + 2 * MARGIN;
     shape->size = (int)(least > wide ? least : wide);
@@ -141,10 +146,24 @@ void sphere_window_origin(const struct sphere_shape *shape, int level, const str
 {
     for (int axis = 0; axis < 2; axis++) {
         double spacing_m = ldexp(sphere_spacing(shape, level, axis), axis ? 0 : window->decimation);
-        double at = place_m[axis] / spacing_m, whole = floor(at);
+        double at = place_m[axis] / spacing_m - shape->offset, whole = floor(at);
         texel[axis] = (int64_t)whole;
         fraction[axis] = (float)(at - whole);
     }
+}
+
+void sphere_window_uniforms(const struct sphere_shape *shape, int level, const struct sphere_window *window,
+                            const double place_m[2], int32_t slots[4], float grid[4])
+{
+    int64_t texel[2];
+    if (!window->period) return;
+    sphere_window_origin(shape, level, window, place_m, texel, grid + 2);
+    slots[0] = clipmap_slot(texel[0], window->period);
+    slots[1] = clipmap_slot(texel[1], shape->size);
+    slots[2] = window->period;
+    for (int axis = 0; axis < 2; axis++)
+        grid[axis] = (float)(shape->radius_m /
+                             ldexp(sphere_spacing(shape, level, axis), axis ? 0 : window->decimation));
 }
 
 void sphere_cap_bounds(const struct sphere_shape *shape, const struct terrain *terrain, int level,

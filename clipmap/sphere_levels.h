@@ -23,6 +23,7 @@ struct sphere_shape {
     int size;             // texels on a side
     double radius_m;
     double spacing_m[2];    // of level 0
+    double offset;          // sample i stands at (i + offset) spacings: 0, or 1/2 for the middles of cells
     int64_t columns, first; // of level 0
     int64_t pole;
 };
@@ -31,6 +32,7 @@ struct sphere_shape {
 void sphere_shape_init(struct sphere_shape *shape, const struct terrain *terrain, int azimuths,
                        double texture);
 
+void sphere_shape_size(struct sphere_shape *shape); // sets `size` by the rest
 // The level, a real number, that a ring samples: level l from where its window has half of its width to where
 // it has all of it, level l + 1.
 double sphere_level_at(const struct sphere_shape *shape, double angle);
@@ -59,6 +61,11 @@ int sphere_finest_wanted(const struct sphere_shape *shape, const double place_m[
 // The viewer's texel and fraction in a window's grid.
 void sphere_window_origin(const struct sphere_shape *shape, int level, const struct sphere_window *window,
                           const double place_m[2], int64_t texel[2], float fraction[2]);
+
+// The same for shaders: slots of the viewer's texel, period, 0; texels per radian, fractions.  Nothing is set
+// for a window that was never held.
+void sphere_window_uniforms(const struct sphere_shape *shape, int level, const struct sphere_window *window,
+                            const double place_m[2], int32_t slots[4], float grid[4]);
 
 struct sphere_store { // one level in memory
     struct sphere_window held;

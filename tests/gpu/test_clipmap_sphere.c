@@ -3,6 +3,7 @@
 #include "bench/error.h"
 #include "bench/flat.h"
 #include "clipmap/clipmap.h"
+#include "common/terrain/sphere.h"
 #include "common/view/path.h"
 #include "tests/gpu/settings.h"
 
@@ -306,6 +307,101 @@ static void kept_vertices_draw_the_same(void **state)
     terrain_destroy(terrain);
 }
 
+static double smooth(const double world[3], int channel)
+{
+    return 80 + 79 * world[channel];
+}
+
+static void paint(struct scene_colour *colour, bool grey)
+{
+    for (int j = 0; j < colour->height; j++)
+        for (int i = 0; i < colour->width; i++) {
+            uint8_t *pixel = colour->pixels + 4 * ((size_t)j * (size_t)colour->width + (size_t)i);
+            double place[3] = {(2 * (i + 0.5) / colour->width - 1) * M_PI,
+                               (0.5 - (j + 0.5) / colour->height) * M_PI, 0},
+                   world[3];
+            sphere_world_from_place(1, place, world);
+            for (int k = 0; k < 3; k++) pixel[k] = (uint8_t)(grey ? 128 : lrint(smooth(world, k)));
+            pixel[3] = 255;
+        }
+}
+
+// Largest difference, in steps of 255, of a picture from what it should be, given that of a grey planet.
+static double off_colour(const struct fixture *f, const struct view *view, uint8_t (*const pictures[2])[4])
+{
+    double worst = 0;
+    for (int p = 0; p < PIXELS; p++) {
+        double relative[3], world[3], length = 0;
+        if (!(f->pixels[p][3] > 0)) continue;
+        for (int k = 0; k < 3; k++) relative[k] = (double)f->pixels[p][k];
+        view_world(view, relative, world);
+        for (int k = 0; k < 3; k++) length += world[k] * world[k];
+        for (int k = 0; k < 3; k++) world[k] /= sqrt(length);
+        for (int k = 0; k < 3; k++)
+            worst = fmax(worst, fabs(pictures[0][p][k] - smooth(world, k) * pictures[1][p][k] / 128));
+    }
+    return worst;
+}
+
+// A smooth image in textures by level has its colour at every place drawn, over seam and poles.  Of 255
+// steps: half of one for rounding the image, two levels and a mean of columns, lit by at most 1.49; half of
+// one in each picture, that of the grey planet worth 160 / 128; and less than 0.3 for linear filters of 0.05
+// radians.
+static void colours_by_level_are_those_of_the_place(void **state)
+{
+    enum { W = 512, H = 256 };
+    const double BOUND = 4 * 0.5 * 1.49 + 0.5 + 0.5 * 160 / 128 + 0.3;
+    struct fixture *f = *state;
+    struct terrain *terrain = planet(6);
+    struct scene_colour colours[2];
+    struct renderer *renderers[2];
+    struct gpu_target target;
+    uint8_t(*pictures[2])[4];
+    assert_true(gpu_target_init(f->gpu, &target, WIDTH, HEIGHT, GL_RGBA8));
+    for (int i = 0; i < 2; i++) {
+        colours[i] = (struct scene_colour){.width = W, .height = H, .pixels = malloc(4 * W * H)};
+        paint(&colours[i], i == 1);
+        pictures[i] = malloc(PIXELS * sizeof *pictures[i]);
+        struct scene_effects own = {SCENE_SHADING_OWN, &colours[i]};
+        struct renderer_desc desc = {
+            .gpu = f->gpu, .terrain = terrain, .effects = &own, .width = WIDTH, .height = HEIGHT};
+        renderers[i] = create_with(&clipmap_renderer, desc, "n=127");
+    }
+    uint64_t seed = 17;
+    double worst = 0;
+    int views = test_size(12, 400);
+    for (int k = 0; k < views; k++) {
+        double longitude = test_uniform(&seed, -M_PI, M_PI), latitude = asin(test_uniform(&seed, -1, 1));
+        if (k % 3 == 1) longitude = M_PI;
+        if (k % 3 == 2) latitude = (k & 1 ? 1 : -1) * (M_PI / 2 - test_uniform(&seed, 0, 1e-3));
+        struct camera camera = {
+            {longitude * RADIUS, latitude * RADIUS, 3500 + exp(test_uniform(&seed, log(100), log(2e7)))},
+            test_uniform(&seed, -M_PI, M_PI),
+            test_uniform(&seed, -1.5, -0.1),
+            0,
+            1};
+        struct view view;
+        view_init(&view, terrain, &camera, WIDTH, HEIGHT, 0);
+        for (int i = 0; i < 2; i++) {
+            draw(f, renderers[i], terrain, &view, k, f->pixels);
+            gpu_target_begin(f->gpu, &target);
+            clipmap_renderer.draw(renderers[i], 0, PASS_SHADED);
+            gpu_target_read(f->gpu, &target, pictures[i]);
+        }
+        worst = fmax(worst, off_colour(f, &view, pictures));
+    }
+    FIGURE("colours by level: off by at most %.2f of 255 in %d views (%.2f are allowed)", worst, views,
+           BOUND);
+    assert_true(worst <= BOUND);
+    for (int i = 0; i < 2; i++) {
+        clipmap_renderer.destroy(renderers[i]);
+        free(pictures[i]);
+        free(colours[i].pixels);
+    }
+    gpu_target_finish(&target);
+    terrain_destroy(terrain);
+}
+
 // Distance of a drawn point from the surface that both draw, projected.
 static double off_plane_px(const struct terrain *plane, const struct view *view, const float drawn[4])
 {
@@ -365,8 +461,11 @@ static void plane_and_sphere_agree(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_turn_more_is_the_same_picture), cmocka_unit_test(culling_is_right_and_pays),
-        cmocka_unit_test(kept_vertices_draw_the_same),     cmocka_unit_test(plane_and_sphere_agree),
+        cmocka_unit_test(a_turn_more_is_the_same_picture),
+        cmocka_unit_test(culling_is_right_and_pays),
+        cmocka_unit_test(kept_vertices_draw_the_same),
+        cmocka_unit_test(colours_by_level_are_those_of_the_place),
+        cmocka_unit_test(plane_and_sphere_agree),
         cmocka_unit_test(a_flight_has_no_holes),
     };
     return cmocka_run_group_tests(tests, setup, teardown);

@@ -1,5 +1,6 @@
 // Rings and levels over a sphere: numerics.md, D1 to D7 and SC1 to SC11, without GL.
 // SPDX-License-Identifier: MIT
+#include "clipmap/sphere_colour.h"
 #include "clipmap/sphere_levels.h"
 #include "clipmap/sphere_rings.h"
 #include "tests/test.h"
@@ -541,6 +542,51 @@ static void late_texels_are_not_waited_for(void **state)
     terrain_destroy(terrain);
 }
 
+// ---- colours -----------------------------------------------------------------------
+
+// A smooth colour of the place: what linear filters keep.
+static double smooth(double longitude, double latitude, int channel)
+{
+    double world[3] = {cos(latitude) * cos(longitude), cos(latitude) * sin(longitude), sin(latitude)};
+    return channel < 3 ? 127.5 + 127 * world[channel] : 255;
+}
+
+// Texels of any level, any window, over seam and poles, are the image's colour at their place: off by the
+// rounding of each level and of the mean, and by what a square of their size is off by.
+static void colours_are_those_of_their_place(void **state)
+{
+    enum { W = 256, H = 128 };
+    (void)state;
+    static uint8_t pixels[H][W][4];
+    for (int j = 0; j < H; j++)
+        for (int i = 0; i < W; i++)
+            for (int k = 0; k < 4; k++)
+                pixels[j][i][k] =
+                    (uint8_t)lrint(smooth((i + 0.5 - W / 2) * 2 * M_PI / W, (H / 2 - j - 0.5) * M_PI / H, k));
+    struct scene_colour colour = {.name = "smooth", .width = W, .height = H, .pixels = &pixels[0][0][0]};
+    struct sphere_image image;
+    assert_true(sphere_image_init(&image, &colour));
+    assert_true(image.count == 7);
+    uint64_t seed = 16;
+    double worst = 0;
+    for (int n = 0; n < test_size(4000, 400000); n++) {
+        int level = (int)(test_random(&seed) % 4), p = (int)(test_random(&seed) % 3);
+        int64_t i = (int64_t)test_uniform(&seed, -600, 600), j = (int64_t)test_uniform(&seed, -200, 200);
+        struct clipmap_box box = {{i, j}, {i, j}};
+        uint8_t texel[4];
+        sphere_image_read(&image, level, p, &box, &texel);
+        double step = ldexp(2 * M_PI / W, level), wide = ldexp(step, p);
+        double bound = 0.5 * (level + 2) + 127 * (wide * wide + step * step * level) / 24;
+        for (int k = 0; k < 4; k++) { // beyond a pole cos(latitude) < 0 leads on to the other side
+            double off = fabs(texel[k] - smooth((i + 0.5) * wide, (j + 0.5) * step, k));
+            worst = fmax(worst, off / bound);
+            assert_true(off <= bound);
+        }
+    }
+    FIGURE("colours: off by at most %.2f of what rounding and size allow", worst);
+    sphere_image_finish(&image);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -555,6 +601,7 @@ int main(void)
         cmocka_unit_test(rings_end_at_a_pixel),
         cmocka_unit_test(boxes_hold_their_blocks),
         cmocka_unit_test(walks_leave_levels_whole),
+        cmocka_unit_test(colours_are_those_of_their_place),
         cmocka_unit_test(late_texels_are_not_waited_for),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
