@@ -22,8 +22,8 @@ struct truth_surface {
     struct terrain_extrema extrema; // borrowed nodes; of a terrain read on demand only their numbers
     const int32_t *samples;         // of the finest level, row 0 south; NULL: read in pages
     size_t stride;
-    int finest;
-    int64_t first[2]; // index of the south-west sample
+    int finest, coarser; // read in pages: of so many levels over the finest, too
+    int64_t first[2];    // index of the south-west sample
     int64_t cells[2];
     double clip[4]; // the map's outline in cells from the south-west sample: u, v lowest, u, v highest
     double spacing_m[2], quantum_m, offset_m;
@@ -34,14 +34,21 @@ struct truth_surface {
 // it is a constant wherever it is looked at often.
 struct cells {
     const struct terrain *terrain;
-    struct terrain_page page;
+    struct terrain_page pages[TERRAIN_PAGE_HEIGHT]; // of the finest level and those above it
 };
 
-static inline const struct terrain_page *page_at(struct cells *cells, int64_t x, int64_t y)
+static inline const struct terrain_page *page_at(struct cells *cells, const struct truth_surface *surface,
+                                                 int above, int64_t x, int64_t y)
 {
-    struct terrain_page *page = &cells->page;
-    if (!page->samples || page->x != x || page->y != y) terrain_page(cells->terrain, x, y, page);
+    struct terrain_page *page = &cells->pages[above];
+    if (!page->samples || page->x != x || page->y != y)
+        terrain_page(cells->terrain, surface->finest + above, x, y, page);
     return page;
+}
+
+static void release_pages(struct cells *cells)
+{
+    for (int k = 0; k < TERRAIN_PAGE_HEIGHT; k++) terrain_page_release(cells->terrain, &cells->pages[k]);
 }
 
 // ---- a ray, and what the walk asks of a datum ---------------------------------------------------
@@ -111,7 +118,7 @@ static inline struct cell read_cell(const struct truth_surface *surface, struct 
     const int32_t *samples = surface->samples;
     size_t stride = surface->stride, x = (size_t)at[0], y = (size_t)at[1];
     if (cells) {
-        samples = page_at(cells, at[0] / TERRAIN_PAGE, at[1] / TERRAIN_PAGE)->samples;
+        samples = page_at(cells, surface, 0, at[0] / TERRAIN_PAGE, at[1] / TERRAIN_PAGE)->samples;
         stride = TERRAIN_PAGE + 1, x &= IN_PAGE, y &= IN_PAGE;
     }
     const int32_t *south = samples + y * stride + x;
@@ -267,17 +274,21 @@ static inline void ascend(const struct datum *datum, const struct ray *ray, stru
     }
 }
 
-// At least the highest sample of a node.
+// At least the highest sample of a node.  Read on demand, the nodes of a tile are bounded by ever finer
+// levels: where a coarse one and its error tell that the ray passes above, the finer ones need not be
+// decoded.
 static inline int32_t highest(const struct truth_surface *surface, struct cells *cells, int height,
                               const int64_t at[2])
 {
     const struct terrain_extrema_nodes *nodes = &surface->extrema.nodes[height];
     if (!cells) return nodes->max_q[at[1] * nodes->width + at[0]];
     if (height >= TERRAIN_PAGE_HEIGHT) return terrain_node_max(surface->terrain, height, at[0], at[1]);
-    int above = TERRAIN_PAGE_HEIGHT - height;
-    const struct terrain_page *page = page_at(cells, at[0] >> above, at[1] >> above);
+    int level = height - 1 < surface->coarser ? height - 1 : surface->coarser; // cells there: half a node
+    if (level < 0) level = 0;
+    int in_level = height - level, above = TERRAIN_PAGE_HEIGHT - in_level;
+    const struct terrain_page *page = page_at(cells, surface, level, at[0] >> above, at[1] >> above);
     int64_t in_page = ((int64_t)1 << above) - 1;
-    return page->max_q[height][((at[1] & in_page) << above) + (at[0] & in_page)];
+    return page->max_q[in_level][((at[1] & in_page) << above) + (at[0] & in_page)];
 }
 
 // Walks t0..t1 over the nodes of the extrema pyramid: down where the ray may touch what a node holds, on to
@@ -453,8 +464,10 @@ struct truth_surface *truth_surface_create(const struct terrain *terrain)
     surface->samples = terrain_samples(terrain, info->finest, &surface->stride);
     if (surface->samples)
         surface->extrema = *terrain_extrema(terrain);
-    else
+    else {
         count_nodes(&surface->extrema, extent);
+        surface->coarser = terrain_coarsest_page(terrain) - info->finest;
+    }
     for (int k = 0; k < 2; k++) {
         surface->first[k] = k ? extent->y0 : extent->x0;
         surface->cells[k] = (k ? extent->y1 : extent->x1) - surface->first[k] - 1;
@@ -614,7 +627,7 @@ static void cast_rows(int block, void *user)
             size_t pixel = (size_t)y * (size_t)truth->width + (size_t)x;
             if (!c->wanted || c->wanted[pixel]) cast_pixel(c, &hand, x, y, &truth->pixels[pixel]);
         }
-    terrain_page_release(c->surface->terrain, &hand.cells.page);
+    release_pages(&hand.cells);
     truth_tiles_destroy(hand.tiles);
 }
 
@@ -691,7 +704,7 @@ bool truth_cast_ray(const struct truth_surface *surface, const double eye_m[3], 
     }
     struct cells cells = {.terrain = surface->terrain};
     bool met = cast(surface, &cells, origin, ray, 0, &hit);
-    terrain_page_release(surface->terrain, &cells.page);
+    release_pages(&cells);
     if (!met) return false;
     *t = hit.t;
     for (int k = 0; k < 2; k++) slope[k] = (float)(hit.slope_q[k] * surface->quantum_m / unit_m[k]);

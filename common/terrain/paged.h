@@ -57,9 +57,10 @@ int64_t paged_frame_samples(const struct paged *paged);
 
 // ---- the ray caster's pages ------------------------------------------------
 
-// As terrain_page and terrain_node_max.
-void paged_page(struct paged *paged, int64_t x, int64_t y, struct terrain_page *page);
+// As terrain_page, terrain_node_max and terrain_coarsest_page.
+void paged_page(struct paged *paged, int level, int64_t x, int64_t y, struct terrain_page *page);
 void paged_page_release(struct paged *paged, struct terrain_page *page);
 int32_t paged_node_max(const struct paged *paged, int height, int64_t i, int64_t j);
+int paged_coarsest_page(const struct paged *paged);
 
 #endif

@@ -3,6 +3,7 @@
 #include "common/report.h"
 #include "common/terrain/paged_parts.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -14,6 +15,7 @@ enum {
     // Blocks that decoding one from the coarser ones may hold on to: four a level.  With fewer they would
     // chase each other out.
     FEWEST_FOR_PARENTS = 128,
+    PAGE_ALONE = 3, // levels that a page is decoded from without their blocks
 };
 #define DEFAULT_CACHE_BYTES ((uint64_t)128 << 20)
 
@@ -35,17 +37,18 @@ static void made_up(struct paged *p, int32_t *samples, int64_t count)
 
 static bool read_rect(struct paged *p, int level, const struct rect *wanted, bool units, int32_t *out,
                       int64_t stride);
+static bool read_units(struct paged *p, int level, int alone, const struct patch *wanted);
 
-// Internal units of a level of the file, from the blocks of the coarser level.
-static bool decode(struct paged *p, int level, const struct patch *wanted)
+// Internal units of a level of the file.  Those of the coarser level come from its blocks, which are then
+// kept; with `alone` levels to go, where these are not there, only what is needed of it is decoded.
+static bool decode(struct paged *p, int level, int alone, const struct patch *wanted)
 {
     if (!p->keeps_parents || level == p->grid->count - 1) return relief_units(p->relief, level, wanted);
     struct patch coarse = {.rect = relief_coarse_rect(p->relief, level, &wanted->rect)};
     int64_t width = rect_width(&coarse.rect);
     coarse.samples = malloc((size_t)(width * rect_height(&coarse.rect)) * sizeof(int32_t));
     if (!coarse.samples) return no_memory(p);
-    bool good = read_rect(p, level + 1, &coarse.rect, true, coarse.samples, width) &&
-                relief_refine(p->relief, level, &coarse, wanted);
+    bool good = read_units(p, level + 1, alone, &coarse) && relief_refine(p->relief, level, &coarse, wanted);
     free(coarse.samples);
     return good;
 }
@@ -102,7 +105,7 @@ static bool synthesise(struct paged *p, int level, const struct patch *wanted)
 static void fill(struct paged *p, int level, const struct patch *wanted)
 {
     bool good =
-        !atomic_load(&p->failed) && (level < 0 ? synthesise(p, level, wanted) : decode(p, level, wanted));
+        !atomic_load(&p->failed) && (level < 0 ? synthesise(p, level, wanted) : decode(p, level, 0, wanted));
     if (!good) made_up(p, wanted->samples, rect_width(&wanted->rect) * rect_height(&wanted->rect));
 }
 
@@ -181,6 +184,21 @@ static bool read_rect(struct paged *p, int level, const struct rect *wanted, boo
             slots_release(&p->blocks, slot);
         }
     return true;
+}
+
+static bool holds_rect(struct paged *p, int level, const struct rect *r)
+{
+    struct slot_key key = {.level = level};
+    for (key.y = r->y0 / PAGED_BLOCK; key.y * PAGED_BLOCK < r->y1; key.y++)
+        for (key.x = r->x0 / PAGED_BLOCK; key.x * PAGED_BLOCK < r->x1; key.x++)
+            if (!paged_holds(p, key)) return false;
+    return true;
+}
+
+static bool read_units(struct paged *p, int level, int alone, const struct patch *wanted)
+{
+    if (alone > 0 && !holds_rect(p, level, &wanted->rect)) return decode(p, level, alone - 1, wanted);
+    return read_rect(p, level, &wanted->rect, true, wanted->samples, rect_width(&wanted->rect));
 }
 
 // ---- windows ---------------------------------------------------------------
@@ -303,16 +321,39 @@ bool paged_window(struct paged *p, int level, int64_t x0, int64_t y0, int width,
 
 // ---- pages -----------------------------------------------------------------
 
-static void read_page(struct paged *p, int64_t x, int64_t y, int32_t *samples)
+// Quanta that the finest level may rise above a page of this one.
+static int64_t page_error_q(const struct paged *p, int level, int64_t x, int64_t y)
 {
-    paged_window(p, p->finest, x * TERRAIN_PAGE, y * TERRAIN_PAGE, PAGE_SIDE, PAGE_SIDE, samples,
-                 TERRAIN_WAIT);
+    if (level == p->finest) return 0;
+    double error_m = paged_error(p, level, x * TERRAIN_PAGE, y * TERRAIN_PAGE, (x + 1) * TERRAIN_PAGE,
+                                 (y + 1) * TERRAIN_PAGE);
+    return (int64_t)ceil(error_m / ldexp(p->header->quantum_m, -p->bits) * (1 + 1e-12));
+}
+
+// Far from each other, as the ends of rays are, blocks would be decoded for a page each.
+static void read_page_samples(struct paged *p, int level, int64_t x0, int64_t y0, int32_t *samples)
+{
+    struct patch page = {{x0, y0, x0 + PAGE_SIDE, y0 + PAGE_SIDE}, samples};
+    if (level < 0 || !lies_in(&page.rect, paged_map(p, level)->stored)) {
+        paged_window(p, level, x0, y0, PAGE_SIDE, PAGE_SIDE, samples, TERRAIN_WAIT);
+        return;
+    }
+    if (atomic_load(&p->failed) || !read_units(p, level, PAGE_ALONE, &page))
+        made_up(p, samples, PAGE_SIDE * PAGE_SIDE);
+    else
+        to_quanta(p, samples, PAGE_SIDE * PAGE_SIDE);
+}
+
+static void read_page(struct paged *p, int level, int64_t x, int64_t y, int32_t *samples)
+{
+    int64_t error_q = page_error_q(p, level, x, y);
+    read_page_samples(p, level, x * TERRAIN_PAGE, y * TERRAIN_PAGE, samples);
     int32_t *max_q = samples + PAGE_SIDE * PAGE_SIDE;
     for (int j = 0; j < TERRAIN_PAGE; j++)
         for (int i = 0; i < TERRAIN_PAGE; i++) {
             const int32_t *s = samples + j * PAGE_SIDE + i;
-            max_q[j * TERRAIN_PAGE + i] =
-                (int32_t)larger(larger(s[0], s[1]), larger(s[PAGE_SIDE], s[PAGE_SIDE + 1]));
+            int64_t most = larger(larger(s[0], s[1]), larger(s[PAGE_SIDE], s[PAGE_SIDE + 1]));
+            max_q[j * TERRAIN_PAGE + i] = paged_limit(most + error_q);
         }
     for (int side = TERRAIN_PAGE / 2; side > 0; side /= 2) {
         const int32_t *below = max_q;
@@ -336,13 +377,13 @@ static void point_into(struct terrain_page *page, const int32_t *samples)
     }
 }
 
-void paged_page(struct paged *p, int64_t x, int64_t y, struct terrain_page *page)
+void paged_page(struct paged *p, int level, int64_t x, int64_t y, struct terrain_page *page)
 {
     if (page->slot) slots_release(&p->pages, page->slot);
     bool mine;
-    struct slot *slot = slots_take(&p->pages, (struct slot_key){x, y, p->finest}, &mine);
+    struct slot *slot = slots_take(&p->pages, (struct slot_key){x, y, level}, &mine);
     page->slot = slot;
-    page->x = x, page->y = y;
+    page->level = level, page->x = x, page->y = y;
     if (!slot && !page->own) page->own = malloc(PAGE_BYTES);
     int32_t *samples = slot ? slot->data : page->own;
     if (!samples) { // no memory for a single page: the map ends here
@@ -351,7 +392,7 @@ void paged_page(struct paged *p, int64_t x, int64_t y, struct terrain_page *page
         point_into(page, NOTHING);
         return;
     }
-    if (!slot || mine) read_page(p, x, y, samples);
+    if (!slot || mine) read_page(p, level, x, y, samples);
     if (mine) slots_filled(&p->pages, slot);
     point_into(page, samples);
 }

@@ -430,9 +430,9 @@ const struct terrain_extrema *terrain_extrema(const struct terrain *terrain)
     return terrain->paged ? NULL : &pyramid_level(&terrain->pyramid, terrain->pyramid.finest)->extrema;
 }
 
-void terrain_page(const struct terrain *terrain, int64_t x, int64_t y, struct terrain_page *page)
+void terrain_page(const struct terrain *terrain, int level, int64_t x, int64_t y, struct terrain_page *page)
 {
-    paged_page(terrain->paged, x, y, page);
+    paged_page(terrain->paged, level, x, y, page);
 }
 
 void terrain_page_release(const struct terrain *terrain, struct terrain_page *page)
@@ -443,6 +443,11 @@ void terrain_page_release(const struct terrain *terrain, struct terrain_page *pa
 int32_t terrain_node_max(const struct terrain *terrain, int height, int64_t i, int64_t j)
 {
     return paged_node_max(terrain->paged, height, i, j);
+}
+
+int terrain_coarsest_page(const struct terrain *terrain)
+{
+    return paged_coarsest_page(terrain->paged);
 }
 
 const struct detail *terrain_detail(const struct terrain *terrain)
@@ -488,7 +493,11 @@ static bool sphere_truth_at(const struct terrain *terrain, double x_m, double y_
 static void read_corners(const struct terrain *terrain, int64_t i, int64_t j, int32_t corners[4])
 {
     if (terrain->paged) {
-        paged_window(terrain->paged, terrain->info.finest, i, j, 2, 2, corners, TERRAIN_WAIT);
+        struct terrain_page page = {0};
+        paged_page(terrain->paged, terrain->info.finest, i / TERRAIN_PAGE, j / TERRAIN_PAGE, &page);
+        const int32_t *at = page.samples + j % TERRAIN_PAGE * (TERRAIN_PAGE + 1) + i % TERRAIN_PAGE;
+        for (int k = 0; k < 4; k++) corners[k] = at[(k >> 1) * (TERRAIN_PAGE + 1) + (k & 1)];
+        paged_page_release(terrain->paged, &page);
         return;
     }
     const struct pyramid_level *l = pyramid_level(&terrain->pyramid, terrain->info.finest);

@@ -166,22 +166,27 @@ struct terrain_extrema {
 // NULL for a terrain that is read on demand; then there are pages.
 const struct terrain_extrema *terrain_extrema(const struct terrain *terrain);
 
-// A page of a terrain that is read on demand: TERRAIN_PAGE x TERRAIN_PAGE cells of the finest level and the
-// nodes of heights 0..TERRAIN_PAGE_HEIGHT over them.  Beyond the map's edge the last samples repeat.
+// A page of a terrain that is read on demand: TERRAIN_PAGE x TERRAIN_PAGE cells of a level and the nodes of
+// heights 0..TERRAIN_PAGE_HEIGHT over them.  Beyond the map's edge the last samples repeat.  Nodes of a
+// coarser level bound the surface of the finest all the same: they are the level's, raised by terrain_error.
 enum { TERRAIN_PAGE = 64, TERRAIN_PAGE_HEIGHT = 6 };
 struct terrain_page {
+    int level;
     int64_t x, y;           // cells x * TERRAIN_PAGE ... from the extent's south-west corner
     const int32_t *samples; // TERRAIN_PAGE + 1 a row; NULL: nothing is held
     const int32_t *max_q[TERRAIN_PAGE_HEIGHT + 1]; // node (i, j) of height k: [j * (TERRAIN_PAGE >> k) + i]
     void *slot;                                    // the cache's, until released
     int32_t *own;                                  // when the cache has no room left
 };
-// Reads page (x, y) in place of what `page`, zeroed at first, held.  Any thread, each with a page of its own.
-void terrain_page(const struct terrain *terrain, int64_t x, int64_t y, struct terrain_page *page);
+// Reads page (x, y) of a level in place of what `page`, zeroed at first, held.  Any thread, each with pages
+// of its own.
+void terrain_page(const struct terrain *terrain, int level, int64_t x, int64_t y, struct terrain_page *page);
 void terrain_page_release(const struct terrain *terrain, struct terrain_page *page);
 // At least the highest sample of node (i, j) of a height from TERRAIN_PAGE_HEIGHT up, as terrain_extrema
 // counts them.
 int32_t terrain_node_max(const struct terrain *terrain, int height, int64_t i, int64_t j);
+// Levels finest .. this one have pages; those of levels over the finest cost less and bound nearly as well.
+int terrain_coarsest_page(const struct terrain *terrain);
 
 // What the synthesised levels of a sphere are made of (detail.h); NULL on the plane.
 const struct detail *terrain_detail(const struct terrain *terrain);

@@ -462,7 +462,8 @@ static void read_some(int block, void *user)
         terrain_window(terrain, (int)(test_random(&seed) % 3), (int64_t)(test_random(&seed) % 600) - 50,
                        (int64_t)(test_random(&seed) % 600) - 50, 200, 200, out,
                        n % 4 ? TERRAIN_WAIT : TERRAIN_TRY);
-        terrain_page(terrain, (int64_t)(test_random(&seed) % 9), (int64_t)(test_random(&seed) % 9), &page);
+        terrain_page(terrain, (int)(test_random(&seed) % 3), (int64_t)(test_random(&seed) % 9),
+                     (int64_t)(test_random(&seed) % 9), &page);
     }
     terrain_page_release(terrain, &page);
     free(out);
