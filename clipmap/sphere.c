@@ -15,6 +15,7 @@ enum { HEIGHTS_UNIT = 0 };
 
 struct sphere_view {
     struct sphere_store stores[SPHERE_MAX_LEVELS];
+    struct sphere_ranges ranges[SPHERE_MAX_LEVELS]; // of what is held
     struct view view;
     bool seen;   // view is that of an update before
     double turn; // of the pattern from east
@@ -34,6 +35,11 @@ struct sphere_view {
 struct sphere_program {
     struct gpu_program program;
     GLint heights, windows, grids, viewer, pattern, polar;
+};
+
+struct refilling {
+    struct clipmap_sphere *sphere;
+    struct sphere_view *view;
 };
 
 struct clipmap_sphere {
@@ -92,7 +98,10 @@ static bool create_view(struct clipmap_sphere *s, struct sphere_view *own)
 {
     if (!sphere_blocks_init(&own->blocks, &s->mesh)) return false;
     if (s->own_colour) sphere_colours_init(&own->colours, &s->colour);
-    for (int k = 0; k < SPHERE_MAX_LEVELS; k++) own->stores[k].held.box = clipmap_empty;
+    for (int k = 0; k < s->layers; k++) {
+        own->stores[k].held.box = clipmap_empty;
+        if (!sphere_ranges_init(&own->ranges[k], s->shape.size)) return false;
+    }
     glGenTextures(1, &own->heights);
     glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
     glBindTexture(GL_TEXTURE_2D_ARRAY, own->heights);
@@ -107,8 +116,10 @@ static bool create_view(struct clipmap_sphere *s, struct sphere_view *own)
 static void read_heights(void *user, int level, int decimation, const struct clipmap_box *box, int slot_x,
                          int slot_y)
 {
-    struct clipmap_sphere *s = user;
+    const struct refilling *refilling = user;
+    struct clipmap_sphere *s = refilling->sphere;
     sphere_read_texels(&s->shape, s->terrain, level, decimation, box, s->scratch, s->columns);
+    sphere_ranges_add(&refilling->view->ranges[level - s->shape.finest], box, s->scratch);
     gpu_texture_sub_image(s->gpu, GL_TEXTURE_2D_ARRAY, level - s->shape.finest, slot_x, slot_y,
                           (int)(box->hi[0] - box->lo[0] + 1), (int)(box->hi[1] - box->lo[1] + 1), GL_RED,
                           GL_FLOAT, s->scratch);
@@ -116,7 +127,7 @@ static void read_heights(void *user, int level, int decimation, const struct cli
 
 static bool heights_there(void *user, int level, int decimation, const struct clipmap_box *box)
 {
-    struct clipmap_sphere *s = user;
+    const struct clipmap_sphere *s = ((const struct refilling *)user)->sphere;
     return sphere_texels_there(&s->shape, s->reader, level, decimation, box);
 }
 
@@ -125,7 +136,8 @@ static bool heights_there(void *user, int level, int decimation, const struct cl
 static void refill(struct clipmap_sphere *s, struct sphere_view *own)
 {
     const struct sphere_shape *shape = &s->shape;
-    const struct sphere_source source = {read_heights, s->reader ? heights_there : NULL, s};
+    struct refilling refilling = {s, own};
+    const struct sphere_source source = {read_heights, s->reader ? heights_there : NULL, &refilling};
     const double *place = own->view.eye_place, innermost = sphere_ring_angle(&s->rings, own->range.inner);
     int finest = sphere_finest_wanted(shape, place, innermost);
     bool all = true;
@@ -139,6 +151,8 @@ static void refill(struct clipmap_sphere *s, struct sphere_view *own)
         struct sphere_window wanted = sphere_window_wanted(shape, level, place);
         bool limited = level < shape->coarsest && own->texels_left < UINT64_MAX;
         if (s->choice.rebuild) store->held.box = clipmap_empty;
+        if (store->held.decimation != wanted.decimation || store->held.around != wanted.around)
+            sphere_ranges_clear(&own->ranges[level - shape->finest]);
         uint64_t read =
             sphere_store_move(store, shape->size, level, &wanted, limited ? own->texels_left : UINT64_MAX,
                               s->wait || s->choice.rebuild || level == shape->coarsest, &source);
@@ -169,19 +183,17 @@ static void part_heights(const struct clipmap_sphere *s, const struct sphere_vie
     double angle = sphere_ring_angle(&s->rings, outer), least = sphere_ring_angle(&s->rings, inner);
     int from = (int)floor(least > 0 ? sphere_level_at(&s->shape, least) : own->least);
     int to = (int)floor(sphere_level_at(&s->shape, angle)) + 1;
-    int32_t low_q = INT32_MAX, high_q = INT32_MIN;
+    float low_q = HUGE_VALF, high_q = -HUGE_VALF;
     if (from < (int)floor(own->least)) from = (int)floor(own->least);
     if (from > s->shape.coarsest) from = s->shape.coarsest;
     if (to > s->shape.coarsest) to = s->shape.coarsest;
     for (int level = from; level <= (to > from ? to : from); level++) {
-        int32_t low, high;
-        sphere_cap_bounds(&s->shape, s->terrain, level, &own->stores[level - s->shape.finest].held,
-                          own->view.eye_place, angle, &low, &high);
-        low_q = low < low_q ? low : low_q;
-        high_q = high > high_q ? high : high_q;
+        int k = level - s->shape.finest;
+        sphere_ranges_within(&own->ranges[k], &s->shape, level, &own->stores[k].held, own->view.eye_place,
+                             angle, &low_q, &high_q);
     }
-    *low_m = info->offset_m + info->quantum_m * low_q;
-    *high_m = info->offset_m + info->quantum_m * high_q;
+    *low_m = info->offset_m + info->quantum_m * (double)low_q;
+    *high_m = info->offset_m + info->quantum_m * (double)high_q;
 }
 
 static void select_blocks(struct clipmap_sphere *s, struct sphere_view *own, bool same)
@@ -358,6 +370,7 @@ void clipmap_sphere_destroy(struct clipmap_sphere *s)
     for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {
         if (s->views[i].heights) glDeleteTextures(1, &s->views[i].heights);
         sphere_blocks_finish(&s->views[i].blocks);
+        for (int k = 0; k < s->layers; k++) sphere_ranges_finish(&s->views[i].ranges[k]);
         sphere_colours_finish(&s->views[i].colours);
     }
     sphere_mesh_finish(&s->mesh);

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "clipmap/sphere_levels.h"
 
+#include "common/report.h"
+
 #include <math.h>
+#include <stdlib.h>
 
 enum { MARGIN = 4, SNAP = 4 }; // texels beyond what rings reach; windows begin on multiples of SNAP
 
@@ -166,18 +169,80 @@ void sphere_window_uniforms(const struct sphere_shape *shape, int level, const s
                              ldexp(sphere_spacing(shape, level, axis), axis ? 0 : window->decimation));
 }
 
-void sphere_cap_bounds(const struct sphere_shape *shape, const struct terrain *terrain, int level,
-                       const struct sphere_window *window, const double place_m[2], double angle,
-                       int32_t *low_q, int32_t *high_q)
+// ---- ranges ----------------------------------------------------------------
+
+bool sphere_ranges_init(struct sphere_ranges *ranges, int size)
 {
-    double spacing_m = sphere_spacing(shape, level, 1), column_m = sphere_spacing(shape, level, 0);
-    double half = half_longitude(angle, place_m[1] / shape->radius_m) * shape->radius_m / column_m;
-    int64_t beyond = ((int64_t)2 << window->decimation) + 1; // columns that the outer texels stand for
-    int64_t x = (int64_t)floor(place_m[0] / column_m), y = (int64_t)floor(place_m[1] / spacing_m);
-    int64_t reach = isnan(half) ? turn_of(shape, level) : (int64_t)ceil(half) + beyond;
-    int64_t rows = (int64_t)ceil(angle * shape->radius_m / spacing_m) + 2;
-    terrain_bounds(terrain, sampled_level(shape, level), x - reach, y - rows, x + reach + 1, y + rows + 1,
-                   low_q, high_q);
+    ranges->across = size / SPHERE_TILE + 2;
+    ranges->tiles = malloc((size_t)ranges->across * (size_t)ranges->across * sizeof *ranges->tiles);
+    if (!ranges->tiles) return fail("clipmap: no memory for %d x %d ranges", ranges->across, ranges->across);
+    sphere_ranges_clear(ranges);
+    return true;
+}
+
+void sphere_ranges_finish(struct sphere_ranges *ranges)
+{
+    free(ranges->tiles);
+}
+
+void sphere_ranges_clear(struct sphere_ranges *ranges)
+{
+    for (int k = 0; k < ranges->across * ranges->across; k++)
+        ranges->tiles[k] = (struct sphere_tile){INT64_MIN, INT64_MIN, 0, 0};
+}
+
+static struct sphere_tile *tile_at(const struct sphere_ranges *ranges, int64_t x, int64_t y)
+{
+    return &ranges->tiles[clipmap_slot(y, ranges->across) * ranges->across + clipmap_slot(x, ranges->across)];
+}
+
+void sphere_ranges_add(struct sphere_ranges *ranges, const struct clipmap_box *box, const float *heights)
+{
+    for (int64_t y = box->lo[1]; y <= box->hi[1]; y++)
+        for (int64_t x = box->lo[0]; x <= box->hi[0]; x++, heights++) {
+            int64_t at[2] = {clipmap_floor_div(x, SPHERE_TILE), clipmap_floor_div(y, SPHERE_TILE)};
+            struct sphere_tile *tile = tile_at(ranges, at[0], at[1]);
+            if (tile->x != at[0] || tile->y != at[1])
+                *tile = (struct sphere_tile){at[0], at[1], *heights, *heights};
+            tile->low = fminf(tile->low, *heights);
+            tile->high = fmaxf(tile->high, *heights);
+        }
+}
+
+// Texels of a window within an angle of a viewer, and those beyond that their cells have.
+static struct clipmap_box cap_box(const struct sphere_shape *shape, int level,
+                                  const struct sphere_window *window, const double place_m[2], double angle)
+{
+    double spacing_m[2] = {ldexp(sphere_spacing(shape, level, 0), window->decimation),
+                           sphere_spacing(shape, level, 1)};
+    double reach[2] = {half_longitude(angle, place_m[1] / shape->radius_m) * shape->radius_m / spacing_m[0],
+                       angle * shape->radius_m / spacing_m[1]};
+    struct clipmap_box box = window->box;
+    for (int axis = window->around || isnan(reach[0]) ? 1 : 0; axis < 2; axis++) {
+        double at = place_m[axis] / spacing_m[axis] - shape->offset;
+        struct clipmap_box all = box;
+        box.lo[axis] = (int64_t)floor(fmax(at - reach[axis] - 1, (double)all.lo[axis]));
+        box.hi[axis] = (int64_t)ceil(fmin(at + reach[axis] + 2, (double)all.hi[axis]));
+    }
+    return box;
+}
+
+void sphere_ranges_within(const struct sphere_ranges *ranges, const struct sphere_shape *shape, int level,
+                          const struct sphere_window *window, const double place_m[2], double angle,
+                          float *low, float *high)
+{
+    struct clipmap_box box = cap_box(shape, level, window, place_m, angle);
+    for (int axis = 0; axis < 2; axis++) {
+        box.lo[axis] = clipmap_floor_div(box.lo[axis], SPHERE_TILE);
+        box.hi[axis] = clipmap_floor_div(box.hi[axis], SPHERE_TILE);
+    }
+    for (int64_t y = box.lo[1]; y <= box.hi[1]; y++)
+        for (int64_t x = box.lo[0]; x <= box.hi[0]; x++) {
+            const struct sphere_tile *tile = tile_at(ranges, x, y);
+            if (tile->x != x || tile->y != y) continue;
+            *low = fminf(*low, tile->low);
+            *high = fmaxf(*high, tile->high);
+        }
 }
 
 // ---- reading ---------------------------------------------------------------

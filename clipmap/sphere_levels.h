@@ -87,15 +87,29 @@ uint64_t sphere_store_move(struct sphere_store *store, int size, int level,
                            const struct sphere_window *wanted, uint64_t budget, bool wait,
                            const struct sphere_source *source);
 
-// Bounds, in quanta, of the heights that a window's texels give within an angle of a viewer.
-void sphere_cap_bounds(const struct sphere_shape *shape, const struct terrain *terrain, int level,
-                       const struct sphere_window *window, const double place_m[2], double angle,
-                       int32_t *low_q, int32_t *high_q);
-
 // The heights of a box's texels, row by row northwards: samples, or means over the columns they stand for.
 // columns: room for size * size + 1.
 void sphere_read_texels(const struct sphere_shape *shape, const struct terrain *terrain, int level,
                         int decimation, const struct clipmap_box *box, float *heights, int32_t *columns);
+// What heights a level's texels have: by squares of SPHERE_TILE x SPHERE_TILE texels, at their toroidal
+// slots.
+enum { SPHERE_TILE = 16 };
+struct sphere_ranges {
+    struct sphere_tile {
+        int64_t x, y; // which square
+        float low, high;
+    } * tiles;
+    int across; // slots on a side
+};
+bool sphere_ranges_init(struct sphere_ranges *ranges, int size); // false after one line on stderr
+void sphere_ranges_finish(struct sphere_ranges *ranges);
+void sphere_ranges_clear(struct sphere_ranges *ranges); // columns are taken together in another way
+void sphere_ranges_add(struct sphere_ranges *ranges, const struct clipmap_box *box, const float *heights);
+// Widens low .. high to hold every height that a window's texels give within an angle of a viewer.
+void sphere_ranges_within(const struct sphere_ranges *ranges, const struct sphere_shape *shape, int level,
+                          const struct sphere_window *window, const double place_m[2], double angle,
+                          float *low, float *high);
+
 // Whether a reader has all that they are made of; it is asked for what is not there.
 bool sphere_texels_there(const struct sphere_shape *shape, struct terrain_reader *reader, int level,
                          int decimation, const struct clipmap_box *box);

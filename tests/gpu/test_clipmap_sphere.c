@@ -202,7 +202,7 @@ static void culling_is_right_and_pays(void **state)
     int different = 0, views = test_size(8, 500);
     uint64_t seed = 4;
     for (int k = 0; k < views; k++) {
-        double height_m = exp(test_uniform(&seed, log(5), log(1e5)));
+        double height_m = exp(test_uniform(&seed, log(1.7), log(1e5)));
         struct camera camera = {{test_uniform(&seed, -M_PI, M_PI) * RADIUS,
                                  asin(test_uniform(&seed, -1, 1)) * RADIUS, 3500 + height_m},
                                 test_uniform(&seed, -M_PI, M_PI),

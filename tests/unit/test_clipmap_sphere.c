@@ -409,6 +409,7 @@ struct memory {
     int32_t *columns;
     const struct sphere_shape *shape;
     const struct terrain *terrain;
+    struct sphere_ranges *ranges; // NULL: not kept
 };
 
 static void read_memory(void *user, int level, int decimation, const struct clipmap_box *box, int slot_x,
@@ -419,11 +420,49 @@ static void read_memory(void *user, int level, int decimation, const struct clip
     int width = (int)(box->hi[0] - box->lo[0] + 1), height = (int)(box->hi[1] - box->lo[1] + 1);
     sphere_read_texels(memory->shape, memory->terrain, level, decimation, box, memory->heights,
                        memory->columns);
+    if (memory->ranges) sphere_ranges_add(memory->ranges, box, heights_q);
     assert_true(slot_x >= 0 && slot_y >= 0 && slot_x + width <= memory->size &&
                 slot_y + height <= memory->size);
     for (int j = 0; j < height; j++)
         memcpy(memory->texels + (size_t)(slot_y + j) * (size_t)memory->size + slot_x,
                heights_q + (size_t)j * (size_t)width, (size_t)width * sizeof *heights_q);
+}
+
+static float texel_at(const struct memory *memory, int64_t x, int64_t y)
+{
+    return memory->texels[clipmap_slot(y, memory->size) * memory->size + clipmap_slot(x, memory->size)];
+}
+
+// Ranges hold the heights of every vertex within an angle, and are no wider than what is held.
+static void check_ranges(const struct memory *memory, int level, const struct sphere_window *held,
+                         const double place[2], uint64_t *seed)
+{
+    const struct sphere_shape *shape = memory->shape;
+    float low = HUGE_VALF, high = -HUGE_VALF, least = HUGE_VALF, most = -HUGE_VALF;
+    double reach = 0.25 * shape->azimuths * ldexp(shape->spacing_m[1], level) / RADIUS,
+           angle = fmin(reach, 3) * test_uniform(seed, 0.01, 1);
+    sphere_ranges_within(memory->ranges, shape, level, held, place, angle, &low, &high);
+    for (int azimuth = 0; azimuth < 64; azimuth++) {
+        double turn = azimuth * M_PI / 32, at = angle * test_uniform(seed, 0, 1), half = sin(at / 2);
+        float v[4] = {(float)(cos(turn) * sin(at)), (float)(sin(turn) * sin(at)), (float)(2 * half * half),
+                      0};
+        int64_t cell[2];
+        texel_of(shape, level, held, place, v, cell);
+        for (int corner = 0; corner < 4; corner++) {
+            int64_t x = cell[0] + corner % 2;
+            if (held->around) x = clipmap_slot(x, held->period);
+            float z = texel_at(memory, x, cell[1] + corner / 2);
+            assert_true(z >= low && z <= high);
+        }
+    }
+    for (int64_t y = held->box.lo[1]; y <= held->box.hi[1]; y++)
+        for (int64_t x = held->box.lo[0]; x <= held->box.hi[0]; x++) {
+            least = fminf(least, texel_at(memory, x, y));
+            most = fmaxf(most, texel_at(memory, x, y));
+        }
+    low = HUGE_VALF, high = -HUGE_VALF;
+    sphere_ranges_within(memory->ranges, shape, level, held, place, 4, &low, &high);
+    assert_true(low <= least && high >= most);
 }
 
 // After any walk a level holds what a fresh one holds, and a small step reads little.
@@ -436,8 +475,12 @@ static void walks_leave_levels_whole(void **state)
     size_t count = (size_t)shape.size * (size_t)shape.size;
     float *heights = malloc(count * sizeof *heights);
     int32_t *columns = malloc((count + 1) * sizeof *columns);
-    struct memory walked = {shape.size, calloc(count, sizeof(float)), heights, columns, &shape, terrain},
-                  fresh = {shape.size, calloc(count, sizeof(float)), heights, columns, &shape, terrain};
+    struct memory walked = {shape.size, calloc(count, sizeof(float)), heights, columns, &shape, terrain,
+                            NULL},
+                  fresh = {shape.size, calloc(count, sizeof(float)), heights, columns, &shape, terrain, NULL};
+    struct sphere_ranges ranges;
+    assert_true(sphere_ranges_init(&ranges, shape.size));
+    walked.ranges = &ranges;
     const struct sphere_source into_walked = {read_memory, NULL, &walked},
                                into_fresh = {read_memory, NULL, &fresh};
     uint64_t seed = 3, steady = 0, steps = 0;
@@ -452,9 +495,11 @@ static void walks_leave_levels_whole(void **state)
             place[1] = fmin(fmax(place[1], -M_PI / 2 * RADIUS), M_PI / 2 * RADIUS);
             struct sphere_window wanted = sphere_window_wanted(&shape, level, place);
             bool kept = wanted.decimation == store.held.decimation && wanted.around == store.held.around;
+            if (!kept || step == 0) sphere_ranges_clear(&ranges);
             uint64_t read =
                 sphere_store_move(&store, shape.size, level, &wanted, UINT64_MAX, false, &into_walked);
             assert_true(clipmap_box_equal(&store.held.box, &wanted.box));
+            check_ranges(&walked, level, &store.held, place, &seed);
             if (step && !jump && kept) steady += read, steps++;
         }
         struct sphere_store other = {.held.box = {{0, 0}, {-1, -1}}};
@@ -469,6 +514,7 @@ static void walks_leave_levels_whole(void **state)
     double share = steps ? (double)steady / (double)steps / (double)count : 0;
     FIGURE("stores: a step of a cell or three reads %.3f of a level on average", share);
     assert_true(share < 0.15); // 4 of 64 columns and 4 of 64 rows at most once a step: 0.125
+    sphere_ranges_finish(&ranges);
     free(walked.texels), free(fresh.texels), free(heights), free(columns);
     terrain_destroy(terrain);
 }
@@ -518,8 +564,8 @@ static void late_texels_are_not_waited_for(void **state)
     float *heights = malloc(count * sizeof *heights);
     int32_t *columns = malloc((count + 1) * sizeof *columns);
     struct late late = {
-        .memory = {shape.size, calloc(count, sizeof(float)), heights, columns, &shape, terrain}};
-    struct memory fresh = {shape.size, calloc(count, sizeof(float)), heights, columns, &shape, terrain};
+        .memory = {shape.size, calloc(count, sizeof(float)), heights, columns, &shape, terrain, NULL}};
+    struct memory fresh = {shape.size, calloc(count, sizeof(float)), heights, columns, &shape, terrain, NULL};
     const struct sphere_source into_late = {read_late, is_there, &late},
                                into_fresh = {read_memory, NULL, &fresh};
     struct sphere_store store = {.held.box = clipmap_empty}, other = {.held.box = clipmap_empty};
