@@ -263,7 +263,7 @@ static double bytes_needed(double vertices)
     return 2 * (sizeof(float) + 6 * sizeof(uint32_t)) * vertices;
 }
 
-static double bytes_present(void)
+double baselines_bytes_present(void)
 {
     return (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE);
 }
@@ -271,13 +271,13 @@ static double bytes_present(void)
 bool baselines_fit(const struct terrain *terrain)
 {
     double samples = (double)terrain_info(terrain)->samples;
-    return samples <= INT32_MAX && bytes_needed(samples) <= 0.5 * bytes_present();
+    return samples <= INT32_MAX && bytes_needed(samples) <= 0.5 * baselines_bytes_present();
 }
 
 static bool check_size(const struct grid_renderer *grid, const char *name)
 {
     double vertices = (double)grid->stride * (double)grid->rows, needed = bytes_needed(vertices);
-    double present = bytes_present();
+    double present = baselines_bytes_present();
     if (vertices > INT32_MAX)
         return fail("%s: %lld x %lld vertices are more than one buffer takes", name, (long long)grid->columns,
                     (long long)grid->rows);
@@ -316,12 +316,15 @@ failed:
     return NULL;
 }
 
+static const struct renderer_type brute_grid; // brute over a plane
+
 static struct renderer *brute_create(const struct renderer_desc *desc)
 {
+    if (terrain_info(desc->terrain)->datum == TERRAIN_SPHERE) return brute_sphere_renderer.create(desc);
     struct renderer_desc whole = *desc;
     whole.knobs[KNOB_CULL] = desc->knobs[0]; // brute has the one knob
     whole.knobs[KNOB_STEP] = 1;
-    return grid_create(&whole, &brute_renderer);
+    return grid_create(&whole, &brute_grid);
 }
 
 static struct renderer *decimated_create(const struct renderer_desc *desc)
@@ -418,16 +421,47 @@ static const struct renderer_knob decimated_knobs[] = {
 static const double decimated_quick[] = {12, 8, 4, 2, NAN};
 static const double decimated_full[] = {32, 16, 12, 8, 6, 4, 3, 2, NAN};
 
-const struct renderer_type brute_renderer = {
+static const struct renderer_type brute_grid = {
     .name = "brute",
-    .summary = "every triangle of the finest level: truth, and the cost of no level of detail",
-    .knobs = brute_knobs,
-    .create = brute_create,
     .begin_frame = null_begin_frame,
     .update = grid_update,
     .draw = grid_draw,
     .stats = grid_stats,
     .destroy = grid_destroy,
+};
+
+// On plane and sphere by the type that create() chose.
+static bool brute_update(struct renderer *renderer, const struct view *views, int count)
+{
+    return renderer->type->update(renderer, views, count);
+}
+
+static void brute_draw(struct renderer *renderer, int view_index, enum render_pass pass)
+{
+    renderer->type->draw(renderer, view_index, pass);
+}
+
+static void brute_stats(const struct renderer *renderer, struct renderer_stats *stats)
+{
+    renderer->type->stats(renderer, stats);
+}
+
+static void brute_destroy(struct renderer *renderer)
+{
+    if (renderer) renderer->type->destroy(renderer);
+}
+
+const struct renderer_type brute_renderer = {
+    .name = "brute",
+    .summary = "every triangle of the finest level: truth, and the cost of no level of detail",
+    .knobs = brute_knobs,
+    .spheres = true,
+    .create = brute_create,
+    .begin_frame = null_begin_frame,
+    .update = brute_update,
+    .draw = brute_draw,
+    .stats = brute_stats,
+    .destroy = brute_destroy,
 };
 
 const struct renderer_type decimated_renderer = {

@@ -1,0 +1,276 @@
+// SPDX-License-Identifier: MIT
+#include "bench/facets.h"
+#include "common/report.h"
+#include "common/terrain/sphere.h"
+#include "common/view/frustum.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { BLOCK = 32, CORNERS = BLOCK + 1 };
+
+struct corner {
+    double place[2], height_m; // columns and rows from the map's south-west sample
+    double relative[3];
+};
+
+struct making {
+    struct facets *facets;
+    const struct terrain_info *info;
+    const struct view *view;
+    double step[2];  // radians between samples
+    int64_t size[2]; // cells
+    int64_t first;   // column
+    double sag;      // metres a metre of distance
+    size_t most_bytes;
+    bool failed;
+};
+
+static double length_of(const double v[3])
+{
+    return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+}
+
+// Column 0 stands for the last, too, so that corners at the seam are the same numbers from both sides.
+static void set_relative(const struct making *m, struct corner *corner)
+{
+    double column =
+        corner->place[0] >= (double)m->size[0] ? corner->place[0] - (double)m->size[0] : corner->place[0];
+    double longitude = (column + (double)m->first) * m->step[0];
+    double latitude = (corner->place[1] - 0.5 * (double)m->size[1]) * m->step[1];
+    bool pole = corner->place[1] == 0 || corner->place[1] == (double)m->size[1];
+    double across = pole ? 0 : cos(latitude), distance_m = m->info->radius_m + corner->height_m;
+    double world[3] = {across * cos(longitude), across * sin(longitude),
+                       pole ? copysign(1, latitude) : sin(latitude)};
+    const struct view *view = m->view;
+    for (int axis = 0; axis < 3; axis++) {
+        corner->relative[axis] = 0;
+        for (int k = 0; k < 3; k++)
+            corner->relative[axis] += (world[k] * distance_m - view->eye_m[k]) * view->axes[axis][k];
+    }
+}
+
+// ---- splitting -------------------------------------------------------------
+
+// Whatever lies nearer than the near plane is not drawn.
+static double sag_allowed(const struct making *m, double distance_m)
+{
+    return m->sag * fmax(distance_m, m->view->near_m);
+}
+
+// The triangles at an edge that is their longest reach no farther from its middle than it is long; those
+// with a longer one are bounded by that one.
+static bool is_split(const struct making *m, const struct corner *a, const struct corner *b,
+                     struct corner *middle)
+{
+    double chord[3], off[3];
+    for (int axis = 0; axis < 2; axis++) middle->place[axis] = 0.5 * (a->place[axis] + b->place[axis]);
+    middle->height_m = 0.5 * (a->height_m + b->height_m);
+    set_relative(m, middle);
+    for (int axis = 0; axis < 3; axis++) {
+        chord[axis] = b->relative[axis] - a->relative[axis];
+        off[axis] = middle->relative[axis] - 0.5 * (a->relative[axis] + b->relative[axis]);
+    }
+    return length_of(off) > sag_allowed(m, length_of(middle->relative) - length_of(chord));
+}
+
+static bool reserve(struct making *m, size_t more)
+{
+    struct facets *facets = m->facets;
+    if (facets->triangles + more <= facets->room) return true;
+    size_t room = 2 * facets->room > 65536 ? 2 * facets->room : 65536, most = m->most_bytes / 36;
+    if (room > most) room = most;
+    float(*corners)[3] =
+        facets->triangles + more > room ? NULL : realloc(facets->corners, room * 3 * sizeof *corners);
+    if (!corners) {
+        m->failed = true;
+        return false;
+    }
+    facets->corners = corners;
+    facets->room = room;
+    return true;
+}
+
+static void add_triangle(struct making *m, const struct corner *a, const struct corner *b,
+                         const struct corner *c)
+{
+    const struct corner *all[3] = {a, b, c};
+    if (m->failed || !reserve(m, 1)) return;
+    float(*to)[3] = m->facets->corners + 3 * m->facets->triangles++;
+    for (int k = 0; k < 3; k++)
+        for (int axis = 0; axis < 3; axis++) to[k][axis] = (float)all[k]->relative[axis];
+}
+
+static void add_facet(struct making *m, const struct corner *a, const struct corner *b,
+                      const struct corner *c)
+{
+    const struct corner *all[3] = {a, b, c};
+    struct corner middles[3]; // of edges k, k + 1
+    bool split[3];
+    int count = 0;
+    for (int k = 0; k < 3; k++) count += split[k] = is_split(m, all[k], all[(k + 1) % 3], &middles[k]);
+    if (m->failed) return;
+    if (count == 0) {
+        add_triangle(m, a, b, c);
+        return;
+    }
+    // Turned so that edge 0 is split, and with two of them edges 0 and 1.
+    int turn = count == 1 ? (split[0] ? 0 : split[1] ? 1 : 2) : !split[0] ? 1 : !split[1] ? 2 : 0;
+    const struct corner *p = all[turn], *q = all[(turn + 1) % 3], *r = all[(turn + 2) % 3];
+    const struct corner *pq = &middles[turn], *qr = &middles[(turn + 1) % 3], *rp = &middles[(turn + 2) % 3];
+    if (count == 1) {
+        add_facet(m, p, pq, r);
+        add_facet(m, pq, q, r);
+        return;
+    }
+    add_facet(m, pq, q, qr);
+    if (count == 2) {
+        add_facet(m, p, pq, qr);
+        add_facet(m, p, qr, r);
+        return;
+    }
+    add_facet(m, p, pq, rp);
+    add_facet(m, rp, qr, r);
+    add_facet(m, pq, qr, rp);
+}
+
+// ---- blocks ----------------------------------------------------------------
+
+struct block {
+    int64_t from[2], to[2]; // corners
+    double low_m, high_m;
+    double middle[3], reach_m; // a ball around it, relative to the eye
+    double reach;              // the same as an angle from the planet's centre
+    double parallel;           // largest cosine of latitude
+};
+
+static struct block block_at(const struct making *m, const struct terrain *terrain, int level,
+                             const int64_t from[2])
+{
+    struct block block = {.from = {from[0], from[1]}};
+    int32_t low_q, high_q;
+    for (int axis = 0; axis < 2; axis++)
+        block.to[axis] = from[axis] + BLOCK < m->size[axis] ? from[axis] + BLOCK : m->size[axis];
+    int64_t south = from[1] - m->size[1] / 2, north = block.to[1] - m->size[1] / 2;
+    terrain_bounds(terrain, level, from[0] + m->first, south, block.to[0] + m->first, north, &low_q, &high_q);
+    block.low_m = m->info->offset_m + m->info->quantum_m * low_q;
+    block.high_m = m->info->offset_m + m->info->quantum_m * high_q;
+    block.parallel = south <= 0 && north >= 0 ? 1 : cos((double)(south > 0 ? south : north) * m->step[1]);
+    block.reach = 0.5 * (double)(block.to[1] - from[1]) * m->step[1] +
+                  0.5 * (double)(block.to[0] - from[0]) * m->step[0] * block.parallel;
+    struct corner middle = {
+        .place = {0.5 * (double)(from[0] + block.to[0]), 0.5 * (double)(from[1] + block.to[1])},
+        .height_m = 0.5 * (block.low_m + block.high_m)};
+    set_relative(m, &middle);
+    memcpy(block.middle, middle.relative, sizeof block.middle);
+    block.reach_m = block.reach * (m->info->radius_m + block.high_m) + 0.5 * (block.high_m - block.low_m);
+    return block;
+}
+
+// Angle at the planet's centre from the eye to the horizon of the lowest ground; and how far below it a
+// height still shows.
+static double horizon(const struct making *m, double radius_m)
+{
+    double lowest_m = m->info->radius_m + m->info->offset_m + m->info->quantum_m * m->info->min_q;
+    return radius_m > lowest_m ? acos(lowest_m / radius_m) : 0;
+}
+
+static bool is_seen(const struct making *m, const struct block *block, const struct frustum *frustum)
+{
+    const double *p = block->middle;
+    double radius_m = m->view->radius_m, away = atan2(hypot(p[0], p[1]), radius_m + p[2]);
+    double seen = horizon(m, radius_m) + horizon(m, m->info->radius_m + block->high_m);
+    if (away - block->reach > seen + 1e-6) return false;
+    for (int k = 0; frustum && k < FRUSTUM_PLANES; k++) {
+        const double *n = frustum->normal[k];
+        double inside_m = n[0] * p[0] + n[1] * p[1] + n[2] * p[2] + frustum->offset[k];
+        if (inside_m < -block->reach_m - 1e-6 * length_of(p)) return false;
+    }
+    return true;
+}
+
+// Whether no edge in the block can ask for a split, by bounds of the second derivatives of a facet's place
+// along a cell's sides and of both together; an edge leaves out an eighth of that along it.
+static bool is_whole(const struct making *m, const struct block *block)
+{
+    double r = m->info->radius_m + block->high_m, rise_m = block->high_m - block->low_m;
+    double east = m->step[0] * block->parallel, north = m->step[1];
+    double along_east = r * m->step[0] * east + 2 * rise_m * east,
+           along_north = r * north * north + 2 * rise_m * north;
+    double both = rise_m * (north + east) + r * m->step[0] * north;
+    double cell_m = 1.5 * (r * hypot(east, north) + rise_m);
+    double most = 1.01 / 8 * (along_east + 2 * both + along_north);
+    return most < sag_allowed(m, length_of(block->middle) - block->reach_m - cell_m);
+}
+
+static void add_block(struct making *m, const struct terrain *terrain, int level, const struct block *block,
+                      struct corner *corners)
+{
+    int width = (int)(block->to[0] - block->from[0]) + 1, height = (int)(block->to[1] - block->from[1]) + 1;
+    int32_t samples[CORNERS * CORNERS];
+    bool whole = is_whole(m, block);
+    terrain_window(terrain, level, block->from[0] + m->first, block->from[1] - m->size[1] / 2, width, height,
+                   samples, TERRAIN_WAIT);
+    for (int k = 0; k < width * height; k++) {
+        corners[k] = (struct corner){
+            .place = {(double)(block->from[0] + k % width), (double)(block->from[1] + k / width)},
+            .height_m = m->info->offset_m + m->info->quantum_m * samples[k]};
+        set_relative(m, &corners[k]);
+    }
+    void (*add)(struct making *, const struct corner *, const struct corner *, const struct corner *) =
+        whole ? add_triangle : add_facet;
+    for (int j = 0; j < height - 1; j++)
+        for (int i = 0; i < width - 1; i++) {
+            const struct corner *sw = corners + j * width + i, *nw = sw + width;
+            add(m, sw, sw + 1, nw + 1);
+            add(m, sw, nw + 1, nw);
+        }
+}
+
+static struct making begin(struct facets *facets, const struct terrain *terrain, const struct view *view,
+                           double sag_px, size_t most_bytes)
+{
+    const struct terrain_info *info = terrain_info(terrain);
+    struct terrain_level level = terrain_level(terrain, info->finest);
+    double slant = sqrt(1 + view->tan_half[0] * view->tan_half[0] + view->tan_half[1] * view->tan_half[1]);
+    struct making m = {.facets = facets,
+                       .info = info,
+                       .view = view,
+                       .first = level.extent.x0,
+                       // A triangle's inside is off by at most 4/3 of its edges' sag.
+                       .sag = 0.75 * sag_px / (view->pixels_per_tangent * slant),
+                       .most_bytes = most_bytes};
+    m.size[0] = level.extent.x1 - level.extent.x0;
+    m.size[1] = level.extent.y1 - level.extent.y0 - 1;
+    for (int axis = 0; axis < 2; axis++) m.step[axis] = level.spacing_m[axis] / info->radius_m;
+    return m;
+}
+
+bool facets_make(struct facets *facets, const struct terrain *terrain, const struct view *view, bool cull,
+                 double sag_px, size_t most_bytes)
+{
+    struct making m = begin(facets, terrain, view, sag_px, most_bytes);
+    struct corner corners[CORNERS * CORNERS];
+    struct frustum frustum;
+    int64_t from[2];
+    frustum_init(&frustum, view);
+    facets->triangles = 0;
+    facets->blocks = facets->blocks_drawn = 0;
+    for (from[1] = 0; from[1] < m.size[1] && !m.failed; from[1] += BLOCK)
+        for (from[0] = 0; from[0] < m.size[0] && !m.failed; from[0] += BLOCK) {
+            struct block block = block_at(&m, terrain, m.info->finest, from);
+            facets->blocks++;
+            if (!is_seen(&m, &block, cull ? &frustum : NULL)) continue;
+            facets->blocks_drawn++;
+            add_block(&m, terrain, m.info->finest, &block, corners);
+        }
+    return !m.failed || fail("terrain %s: more than %zu triangles in a view are more than brute holds",
+                             m.info->name, most_bytes / 36);
+}
+
+void facets_finish(struct facets *facets)
+{
+    free(facets->corners);
+    *facets = (struct facets){0};
+}

@@ -1,0 +1,34 @@
+// The finest surface of a planet as plain triangles, for one view: what brute draws.  No GL.
+//
+// Between samples heights are linear in (longitude, latitude) and placed radially, so a facet is curved.  It
+// is split until what each edge leaves out is below FACETS_SAG_PX on the screen, at the nearest place that
+// the triangle may have.  Whether an edge is split hangs on the edge alone, so both triangles at it, of
+// whatever cells, split it alike: the mesh has no T-junctions, its shared corners are bitwise equal, and the
+// 180th meridian and the poles are places like others.
+// SPDX-License-Identifier: MIT
+#ifndef BENCH_FACETS_H
+#define BENCH_FACETS_H
+
+#include "common/view/view.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+
+// Edges leave out at most 3/4 of this, and a triangle's inside at most 4/3 of its edges: below the 1.6e-4 px
+// in which brute and the ray caster are to agree at 99.9 % of pixels.
+#define FACETS_SAG_PX 2e-4
+
+struct facets {          // starts zeroed
+    float (*corners)[3]; // three a triangle, relative to the eye, counter-clockwise from above
+    size_t triangles, room;
+    int blocks, blocks_drawn;
+};
+
+// What may be seen: blocks of 32 x 32 cells beyond the horizon are left out, and with `cull` those outside
+// the frustum.  Memory grows as views ask for it; false after one line on stderr when there are more than
+// most_bytes.
+bool facets_make(struct facets *facets, const struct terrain *terrain, const struct view *view, bool cull,
+                 double sag_px, size_t most_bytes);
+void facets_finish(struct facets *facets); // accepts a zeroed struct
+
+#endif

@@ -1,0 +1,51 @@
+// Planets for tests: smooth hills that are functions of the place in space, so that the 180th meridian and
+// the poles are places like others. SPDX-License-Identifier: MIT
+#ifndef TESTS_PLANET_H
+#define TESTS_PLANET_H
+
+#include "common/terrain/terrain.h"
+#include "tests/test.h"
+
+static const double RADIUS = 6371007, DEGREE = M_PI / 180;
+
+// Columns: a multiple of 4; half as many rows and one.  Hills of up to 1.3 relief_m, the higher ones `waves`
+// radians of an octant apart.
+static inline struct terrain *test_planet(int columns, double relief_m, double waves, int finer)
+{
+    int rows = columns / 2 + 1;
+    int32_t *samples = malloc((size_t)columns * (size_t)rows * sizeof *samples);
+    assert_non_null(samples);
+    for (int k = 0; k < columns * rows; k++) {
+        double longitude = 2 * M_PI * (k % columns) / columns,
+               latitude = M_PI * (k / columns) / (rows - 1) - M_PI / 2, w = waves;
+        double x = cos(latitude) * cos(longitude), y = cos(latitude) * sin(longitude), z = sin(latitude);
+        samples[k] =
+            (int32_t)lrint(relief_m * (sin(w * x + 2 * y) * cos(0.7 * w * z - y) +
+                                       0.3 * sin(5 * w * x * y + 4 * w * z) * cos(4 * w * z - 2 * w * x)));
+    }
+    struct terrain_grid grid = {.name = "planet",
+                                .samples = samples,
+                                .width = columns,
+                                .height = rows,
+                                .first = {-columns / 2, 0},
+                                .spacing_m = {1, 1},
+                                .quantum_m = 1};
+    struct terrain_options options = {.radius_m = RADIUS, .synthesize_levels = finer, .seed = 2};
+    struct terrain *terrain = terrain_from_grid(&grid, &options);
+    free(samples);
+    assert_non_null(terrain);
+    return terrain;
+}
+
+// A camera at longitude, latitude (degrees) and a height over ground.
+static inline struct camera test_camera(const struct terrain *terrain, double longitude, double latitude,
+                                        double height_m, double yaw, double pitch)
+{
+    double q = 0, x = longitude * DEGREE * RADIUS, y = latitude * DEGREE * RADIUS;
+    const struct terrain_info *info = terrain_info(terrain);
+    assert_true(terrain_truth_at(terrain, x, y, &q, NULL));
+    return (struct camera){
+        {x, y, q * info->quantum_m + info->offset_m + height_m}, yaw, pitch, 0, 60 * DEGREE};
+}
+
+#endif
