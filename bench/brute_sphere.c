@@ -24,6 +24,7 @@ struct planet_renderer {
     struct gpu *gpu;
     const struct terrain *terrain;
     bool cull;
+    struct facet_rises rises;
     GLuint indices;
     struct gpu_program programs[PASS_COUNT];
     struct planet_view views[RENDERER_MAX_VIEWS];
@@ -44,6 +45,7 @@ static void planet_destroy(struct renderer *renderer)
         free(own->base_vertices);
     }
     if (planet->indices) glDeleteBuffers(1, &planet->indices);
+    facet_rises_finish(&planet->rises);
     free(planet);
 }
 
@@ -68,7 +70,7 @@ static struct renderer *planet_create(const struct renderer_desc *desc)
     planet->cull = desc->knobs[0] > 0;
     glBindVertexArray(0);
     upload_indices(planet);
-    bool good = true;
+    bool good = facet_rises_init(&planet->rises, desc->terrain);
     for (int pass = 0; pass < PASS_COUNT; pass++)
         good = good && gpu_program_build(planet->gpu, &planet->programs[pass], "common/gl/plain.vert",
                                          GPU_SPHERE, &common, pass);
@@ -126,7 +128,8 @@ static bool planet_update(struct renderer *renderer, const struct view *views, i
     size_t most_bytes = (size_t)fmin(half, 36.0 * INT32_MAX / 3);
     for (int v = 0; v < count; v++) {
         struct planet_view *own = &planet->views[v];
-        if (!facets_make(&own->facets, planet->terrain, &views[v], planet->cull, FACETS_SAG_PX, most_bytes) ||
+        if (!facets_make(&own->facets, &planet->rises, planet->terrain, &views[v], planet->cull,
+                         FACETS_SAG_PX, most_bytes) ||
             !lay_draws(own))
             return false;
         upload_corners(planet, own);

@@ -411,3 +411,29 @@ void frame_error_picture(const struct frame_error *error, uint8_t *rgb)
             memcpy(rgb + 3 * k, colours[error->kind[k]], 3);
     }
 }
+
+uint64_t frame_error_order_beyond_grid(const struct frame_error *error, const struct truth *truth,
+                                       const struct truth_surface *surface, const struct view *view,
+                                       const float *positions)
+{
+    uint64_t count = 0;
+    const double *f = view->forward;
+    for (size_t p = 0; p < (size_t)error->width * (size_t)error->height; p++) {
+        const float *drawn = positions + 4 * p;
+        double depth = f[0] * (double)drawn[0] + f[1] * (double)drawn[1] + f[2] * (double)drawn[2];
+        if (error->kind[p] != PIXEL_GROUND ||
+            !frame_error_other_surface((double)error->plane_px[p], depth, truth->pixels[p].depth))
+            continue;
+        bool explained = false;
+        for (int k = 0; k < TRUTH_SNAP_RAYS && !explained; k++) {
+            double ray[3], direction[3], t;
+            float slope[2];
+            truth_snap_ray(view, (int)(p % (size_t)error->width), (int)(p / (size_t)error->width), k, ray);
+            view_world_direction(view, ray, direction);
+            explained =
+                truth_cast_ray(surface, view->eye_m, direction, &t, slope) && fabs(t - depth) <= 1e-3 * depth;
+        }
+        count += !explained;
+    }
+    return count;
+}

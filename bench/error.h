@@ -81,6 +81,13 @@ void frame_error_holes(struct frame_error *error, struct truth *truth, const str
 // Whether a drawn point belongs to another surface than the truth's hit in its pixel: the order mismatch.
 bool frame_error_other_surface(double plane_px, double drawn_depth, double truth_depth);
 
+// Order mismatches of the picture last measured that the rasteriser's sub-pixel grid does not explain: along
+// a ridge line a pixel's centre may lie between the line and the line as snapped, so one counts only if no
+// ray at TRUTH_SNAP_PX from the centre meets what was drawn.
+uint64_t frame_error_order_beyond_grid(const struct frame_error *error, const struct truth *truth,
+                                       const struct truth_surface *surface, const struct view *view,
+                                       const float *positions);
+
 // Index over the truth's hits: one place for each ground pixel, in pixel order.  NULL after one line on
 // stderr.
 struct places *truth_places(const struct truth *truth, int threads);

@@ -11,8 +11,8 @@
 enum { BLOCK = 32, CORNERS = BLOCK + 1 };
 
 struct corner {
-    double place[2], height_m; // columns and rows from the map's south-west sample
-    double relative[3];
+    double place[2], height_m;    // columns and rows from the map's south-west sample
+    double relative[3], parallel; // cosine of latitude
 };
 
 struct making {
@@ -23,9 +23,15 @@ struct making {
     int64_t size[2]; // cells
     int64_t first;   // column
     double sag;      // metres a metre of distance
+    const struct facet_rises *rises;
     size_t most_bytes;
     bool failed;
 };
+
+static int32_t larger(int32_t a, int32_t b)
+{
+    return a > b ? a : b;
+}
 
 static double length_of(const double v[3])
 {
@@ -41,6 +47,7 @@ static void set_relative(const struct making *m, struct corner *corner)
     double latitude = (corner->place[1] - 0.5 * (double)m->size[1]) * m->step[1];
     bool pole = corner->place[1] == 0 || corner->place[1] == (double)m->size[1];
     double across = pole ? 0 : cos(latitude), distance_m = m->info->radius_m + corner->height_m;
+    corner->parallel = across;
     double world[3] = {across * cos(longitude), across * sin(longitude),
                        pole ? copysign(1, latitude) : sin(latitude)};
     const struct view *view = m->view;
@@ -59,20 +66,45 @@ static double sag_allowed(const struct making *m, double distance_m)
     return m->sag * fmax(distance_m, m->view->near_m);
 }
 
+// The steepest slope of the facets beside an edge.
+static double slope_beside(const struct making *m, const struct corner *a, const struct corner *b)
+{
+    int64_t south = (int64_t)ceil(fmin(a->place[1], b->place[1])) - 1,
+            north = (int64_t)floor(fmax(a->place[1], b->place[1]));
+    double east = 0, along = 0, parallel = fmin(a->parallel, b->parallel), r = m->info->radius_m;
+    for (int64_t j = south < 0 ? 0 : south; j <= north && j < m->size[1]; j++) {
+        east = fmax(east, m->rises->east_m[j]);
+        along = fmax(along, m->rises->north_m[j]);
+    }
+    return hypot(east / (0.9 * r * parallel * m->step[0]), along / (0.9 * r * m->step[1]));
+}
+
+// How far the middle of an edge is off its facets: what points up counts, and what points along the ground
+// by their slope.
+static double sag_of(const struct making *m, const struct corner *a, const struct corner *b,
+                     const struct corner *middle)
+{
+    double off[3], up[3], out = 0;
+    for (int axis = 0; axis < 3; axis++) {
+        off[axis] = middle->relative[axis] - 0.5 * (a->relative[axis] + b->relative[axis]);
+        up[axis] = middle->relative[axis] + (axis == 2 ? m->view->radius_m : 0);
+    }
+    for (int axis = 0; axis < 3; axis++) out += off[axis] * up[axis] / length_of(up);
+    double all = length_of(off), aside = sqrt(fmax(all * all - out * out, 0));
+    return fmin(all, fabs(out) + aside * slope_beside(m, a, b));
+}
+
 // The triangles at an edge that is their longest reach no farther from its middle than it is long; those
 // with a longer one are bounded by that one.
 static bool is_split(const struct making *m, const struct corner *a, const struct corner *b,
                      struct corner *middle)
 {
-    double chord[3], off[3];
+    double chord[3];
     for (int axis = 0; axis < 2; axis++) middle->place[axis] = 0.5 * (a->place[axis] + b->place[axis]);
     middle->height_m = 0.5 * (a->height_m + b->height_m);
     set_relative(m, middle);
-    for (int axis = 0; axis < 3; axis++) {
-        chord[axis] = b->relative[axis] - a->relative[axis];
-        off[axis] = middle->relative[axis] - 0.5 * (a->relative[axis] + b->relative[axis]);
-    }
-    return length_of(off) > sag_allowed(m, length_of(middle->relative) - length_of(chord));
+    for (int axis = 0; axis < 3; axis++) chord[axis] = b->relative[axis] - a->relative[axis];
+    return sag_of(m, a, b, middle) > sag_allowed(m, length_of(middle->relative) - length_of(chord));
 }
 
 static bool reserve(struct making *m, size_t more)
@@ -247,10 +279,44 @@ static struct making begin(struct facets *facets, const struct terrain *terrain,
     return m;
 }
 
-bool facets_make(struct facets *facets, const struct terrain *terrain, const struct view *view, bool cull,
-                 double sag_px, size_t most_bytes)
+// ---- the contract ----------------------------------------------------------
+
+bool facet_rises_init(struct facet_rises *rises, const struct terrain *terrain)
+{
+    const struct terrain_info *info = terrain_info(terrain);
+    struct terrain_extent e = terrain_level(terrain, info->finest).extent;
+    int width = (int)(e.x1 - e.x0) + 1, bands = (int)(e.y1 - e.y0) - 1;
+    int32_t *rows = malloc(2 * (size_t)width * sizeof *rows);
+    rises->east_m = calloc((size_t)bands, sizeof *rises->east_m);
+    rises->north_m = calloc((size_t)bands, sizeof *rises->north_m);
+    bool good = rows && rises->east_m && rises->north_m;
+    for (int j = 0; j < bands && good; j++) {
+        int32_t east_q = 0, north_q = 0;
+        terrain_window(terrain, info->finest, e.x0, e.y0 + j, width, 2, rows, TERRAIN_WAIT);
+        for (int i = 0; i < width; i++) {
+            for (int k = 0; i && k < 2; k++)
+                east_q = larger(east_q, abs(rows[k * width + i] - rows[k * width + i - 1]));
+            north_q = larger(north_q, abs(rows[width + i] - rows[i]));
+        }
+        rises->east_m[j] = info->quantum_m * east_q;
+        rises->north_m[j] = info->quantum_m * north_q;
+    }
+    free(rows);
+    return good || fail("terrain %s: out of memory", info->name);
+}
+
+void facet_rises_finish(struct facet_rises *rises)
+{
+    free(rises->east_m);
+    free(rises->north_m);
+    *rises = (struct facet_rises){0};
+}
+
+bool facets_make(struct facets *facets, const struct facet_rises *rises, const struct terrain *terrain,
+                 const struct view *view, bool cull, double sag_px, size_t most_bytes)
 {
     struct making m = begin(facets, terrain, view, sag_px, most_bytes);
+    m.rises = rises;
     struct corner corners[CORNERS * CORNERS];
     struct frustum frustum;
     int64_t from[2];

@@ -18,6 +18,14 @@
 // in which brute and the ray caster are to agree at 99.9 % of pixels.
 #define FACETS_SAG_PX 2e-4
 
+// The largest differences of neighbouring samples along the two sides of a band of cells, and across it: they
+// bound how steep facets are.
+struct facet_rises {          // starts zeroed
+    double *east_m, *north_m; // a band of cells each, from the south pole
+};
+bool facet_rises_init(struct facet_rises *rises, const struct terrain *terrain); // false after one line
+void facet_rises_finish(struct facet_rises *rises);                              // accepts a zeroed struct
+
 struct facets {          // starts zeroed
     float (*corners)[3]; // three a triangle, relative to the eye, counter-clockwise from above
     size_t triangles, room;
@@ -27,8 +35,8 @@ struct facets {          // starts zeroed
 // What may be seen: blocks of 32 x 32 cells beyond the horizon are left out, and with `cull` those outside
 // the frustum.  Memory grows as views ask for it; false after one line on stderr when there are more than
 // most_bytes.
-bool facets_make(struct facets *facets, const struct terrain *terrain, const struct view *view, bool cull,
-                 double sag_px, size_t most_bytes);
+bool facets_make(struct facets *facets, const struct facet_rises *rises, const struct terrain *terrain,
+                 const struct view *view, bool cull, double sag_px, size_t most_bytes);
 void facets_finish(struct facets *facets); // accepts a zeroed struct
 
 #endif

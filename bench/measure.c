@@ -294,36 +294,6 @@ static bool draw_passes(struct measure *measure, struct run *run, struct setting
     return true;
 }
 
-// Order mismatches that the rasteriser's sub-pixel grid (1/256 pixel) does not explain.  Along a ridge line a
-// pixel's centre may lie between the line and the line as snapped; a mismatch counts only if no ray within
-// sqrt(2) steps of the centre (the farthest that snapping moves an edge between two corners, each by half a
-// step along both axes, on either side) meets what was drawn.
-static uint64_t order_beyond_grid(const struct measure *measure)
-{
-    const struct frame_error *error = &measure->error;
-    const struct view *view = &measure->view;
-    uint64_t count = 0;
-    for (size_t p = 0; p < (size_t)error->width * (size_t)error->height; p++) {
-        const float *drawn = measure->positions + 4 * p;
-        const double *f = view->forward;
-        double depth = f[0] * (double)drawn[0] + f[1] * (double)drawn[1] + f[2] * (double)drawn[2];
-        if (error->kind[p] != PIXEL_GROUND ||
-            !frame_error_other_surface((double)error->plane_px[p], depth, measure->truth.pixels[p].depth))
-            continue;
-        bool explained = false;
-        for (int k = 0; k < TRUTH_SNAP_RAYS && !explained; k++) {
-            double ray[3], direction[3], t;
-            float slope[2];
-            truth_snap_ray(view, (int)(p % (size_t)error->width), (int)(p / (size_t)error->width), k, ray);
-            view_world_direction(view, ray, direction);
-            explained = truth_cast_ray(measure->surface, view->eye_m, direction, &t, slope) &&
-                        fabs(t - depth) <= 1e-3 * depth;
-        }
-        count += !explained;
-    }
-    return count;
-}
-
 // The largest error of the frame that is certain.  A miss or spill of d rows puts a skyline between d - 1 and
 // d pixels off: pixel centres cannot tell it better.  A claim is broken only by what is certain.
 static double certain_error_px(const struct frame_error *error)
@@ -363,7 +333,10 @@ static bool record_errors(struct measure *measure, struct run *run, struct setti
     record->spills = (double)error->spills;
     record->order_mismatches = (double)error->order_mismatches;
     record->order_beyond_grid =
-        setting->type == &brute_renderer ? (double)order_beyond_grid(measure) : (double)NAN;
+        setting->type == &brute_renderer
+            ? (double)frame_error_order_beyond_grid(error, &measure->truth, measure->surface, &measure->view,
+                                                    measure->positions)
+            : (double)NAN;
     record->error_px_certain = certain_error_px(error);
     if (!isnan(claimed_px) && record->error_px_certain > claimed_px + 1e-3)
         setting->claim_broken_frames++; // 1e-3 px: the method's floor

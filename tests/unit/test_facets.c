@@ -56,10 +56,12 @@ static void the_mesh_is_closed(void **state)
     (void)state;
     struct terrain *terrain = test_planet(COLUMNS, 4000, 5, 0);
     struct facets facets = {0};
+    struct facet_rises rises = {0};
+    assert_true(facet_rises_init(&rises, terrain));
     size_t most = 0, open = 0;
     for (int p = 0; p < PLACES_COUNT; p++) {
         struct view view = view_from(terrain, PLACES[p]);
-        assert_true(facets_make(&facets, terrain, &view, false, test_size(50, 1) * 1e-2, 1u << 31));
+        assert_true(facets_make(&facets, &rises, terrain, &view, false, test_size(50, 1) * 1e-2, 1u << 31));
         struct edge *there = malloc(3 * facets.triangles * sizeof *there),
                     *back = malloc(3 * facets.triangles * sizeof *back);
         size_t count = list_edges(&facets, false, there);
@@ -73,6 +75,7 @@ static void the_mesh_is_closed(void **state)
     assert_int_equal(open, 0);
     assert_true(most > 10 * COLUMNS * COLUMNS); // they were split
     facets_finish(&facets);
+    facet_rises_finish(&rises);
     terrain_destroy(terrain);
 }
 
@@ -100,15 +103,17 @@ static void facets_are_near_the_truth(void **state)
 {
     (void)state;
     struct facets facets = {0};
+    struct facet_rises rises = {0};
     for (int finer = 0; finer <= 2; finer += 2) {
         struct terrain *terrain = test_planet(COLUMNS, 4000, 5, finer);
+        assert_true(facet_rises_init(&rises, terrain));
         double worst = 0, sag_px = 1e-2;
         uint64_t seed = 3;
         // Corners are float32 (2^-24 of their distance along each axis), and slopes of up to 0.1 lie between
         // what is missed along the plumb line and what is missed at all.
         for (int p = 0; p < PLACES_COUNT; p++) {
             struct view view = view_from(terrain, PLACES[p]);
-            assert_true(facets_make(&facets, terrain, &view, true, sag_px, 1u << 31));
+            assert_true(facets_make(&facets, &rises, terrain, &view, true, sag_px, 1u << 31));
             assert_true(facets.triangles > 0 && facets.blocks_drawn > 0);
             for (int k = 0; k < test_size(20000, 2000000); k++) {
                 size_t t = test_random(&seed) % facets.triangles;
@@ -117,6 +122,7 @@ static void facets_are_near_the_truth(void **state)
         }
         FIGURE("facets, %d finer levels: at most %.2e px from the truth, %.0e allowed", finer, worst, sag_px);
         assert_true(worst <= 1.01 * sag_px + 1e-4);
+        facet_rises_finish(&rises);
         terrain_destroy(terrain);
     }
     facets_finish(&facets);
@@ -127,9 +133,12 @@ static void a_ceiling_is_said(void **state)
     (void)state;
     struct terrain *terrain = test_planet(COLUMNS, 4000, 5, 0);
     struct facets facets = {0};
+    struct facet_rises rises = {0};
+    assert_true(facet_rises_init(&rises, terrain));
     struct view view = view_from(terrain, PLACES[0]);
-    assert_false(facets_make(&facets, terrain, &view, false, 1e-2, 36 * 100));
+    assert_false(facets_make(&facets, &rises, terrain, &view, false, 1e-2, 36 * 100));
     facets_finish(&facets);
+    facet_rises_finish(&rises);
     terrain_destroy(terrain);
 }
 
