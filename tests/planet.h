@@ -3,7 +3,7 @@
 #ifndef TESTS_PLANET_H
 #define TESTS_PLANET_H
 
-#include "common/terrain/terrain.h"
+#include "common/view/view.h"
 #include "tests/test.h"
 
 static const double RADIUS = 6371007, DEGREE = M_PI / 180;
