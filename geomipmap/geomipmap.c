@@ -38,7 +38,10 @@ static const struct renderer_knob knobs[] = {
     {"tau", "screen-space error allowed, px: more is faster", 1, 0, 1e6, NULL},
     {"patch", "samples on a side of a tile: large tiles cost fewer draws and more triangles", 1, 0, 3,
      "9|17|33|65"},
-    {"merge", "how often 2 x 2 distant tiles may merge into one of twice the size, at most up to 129 samples",
+    {"merge",
+     "how often 2 x 2 distant tiles may merge into one of twice the size, at most up to 129 samples; those "
+     "of a "
+     ".relief file drawn with its levels merge on, to the size of the map",
      3, 0, 4, NULL},
     {"metric",
      "how error is projected: by distance, by depth, or so that it holds anywhere in the window; or the "
@@ -204,10 +207,13 @@ static void upload_tile(struct geomipmap *g, const struct geomipmap_pick *pick, 
     size_t bytes = (size_t)g->tile_vertices * g->vertex_bytes;
     const void *data = g->heights;
     struct geomipmap_form form = geomipmap_pick_form(pick);
+    for (int i = 0; i < g->tile_vertices; i++) g->heights[i] = INT32_MAX; // those not drawn stay so
     geomipmap_tiles_read(tiles, g->reader, place, tiles->filtered ? &form : NULL, g->heights);
     if (tiles->filtered) g->forms[slot] = form;
     if (!tiles->wide) {
-        texel.base = geomipmap_tiles_range(tiles, place).low;
+        texel.base = INT32_MAX;
+        for (int i = 0; i < g->tile_vertices; i++)
+            if (g->heights[i] < texel.base) texel.base = g->heights[i];
         for (int i = 0; i < g->tile_vertices; i++) g->heights_16[i] = (uint16_t)(g->heights[i] - texel.base);
         data = g->heights_16;
     }
@@ -298,11 +304,11 @@ static void upload_morphs(struct geomipmap *g, struct geomipmap_view *view)
 }
 
 // Two views may see a filtered tile in different forms: each has its own.
-static int slot_key(const struct geomipmap *g, const struct geomipmap_view *view,
-                    const struct geomipmap_pick *pick)
+static uint64_t slot_name(const struct geomipmap *g, const struct geomipmap_view *view,
+                          const struct geomipmap_pick *pick)
 {
-    int number = geomipmap_tiles_number(&g->tiles, pick->place);
-    return g->tiles.filtered ? (int)(view - g->views) * g->tiles.drawable + number : number;
+    uint64_t name = geomipmap_tiles_name(pick->place);
+    return g->tiles.filtered ? (uint64_t)(view - g->views) << 61 | name : name;
 }
 
 static bool changed_form(struct geomipmap *g, const struct geomipmap_pick *pick, int slot)
@@ -322,7 +328,7 @@ static int gather(struct geomipmap *g, struct geomipmap_view *view, int start)
     for (; start + done < view->drawn; done++) {
         const struct geomipmap_pick *pick = &view->selection.picks[start + done];
         int slot;
-        enum geomipmap_found found = geomipmap_cache_find(&g->cache, slot_key(g, view, pick), &slot);
+        enum geomipmap_found found = geomipmap_cache_find(&g->cache, slot_name(g, view, pick), &slot);
         if (found == GEOMIPMAP_FULL) break;
         if (slot >= g->room) resize_slots(g, g->room + g->room / 8);
         if (!reserve_forms(g) || !reserve_morphs(g, view)) break;
@@ -340,7 +346,7 @@ static void begin_frame(struct renderer *renderer, int frame)
 {
     struct geomipmap *g = (struct geomipmap *)renderer;
     for (int i = 0; frame != g->frame + 1 && i < RENDERER_MAX_VIEWS; i++)
-        geomipmap_selection_restart(&g->views[i].selection, &g->tiles); // another flight
+        geomipmap_selection_restart(&g->views[i].selection); // another flight
     g->goes_on = frame == g->frame + 1;
     g->frame = frame;
     g->ahead_before = g->shading.light.ahead + g->shading.colour.ahead;
@@ -568,7 +574,7 @@ static size_t tile_bytes(const struct geomipmap *g)
         const struct geomipmap_view *view = &g->views[i];
         bytes +=
             (size_t)g->form_room * sizeof *g->forms / RENDERER_MAX_VIEWS +
-            geomipmap_selection_bytes(&view->selection, &g->tiles) +
+            geomipmap_selection_bytes(&view->selection) +
             (size_t)view->room * (sizeof *view->counts + sizeof *view->first + sizeof *view->base_vertex) +
             (size_t)view->morph_room * sizeof *view->morphs;
     }
@@ -654,7 +660,7 @@ static bool build_programs(struct geomipmap *g, const struct scene_effects *effe
 static bool allocate(struct geomipmap *g)
 {
     for (int i = 0; i < RENDERER_MAX_VIEWS; i++)
-        if (!geomipmap_selection_init(&g->views[i].selection, &g->tiles)) return false;
+        if (!geomipmap_selection_init(&g->views[i].selection)) return false;
     g->heights = malloc((size_t)g->tile_vertices * sizeof *g->heights);
     g->heights_16 = malloc((size_t)g->tile_vertices * sizeof *g->heights_16);
     return (g->heights && g->heights_16) || fail("geomipmap: no memory for the heights of a tile");
@@ -769,10 +775,11 @@ static bool init(struct geomipmap *g, const struct renderer_desc *desc)
         return false;
     g->tile_vertices = ((1 << bits) + 1) * ((1 << bits) + 1);
     g->vertex_bytes = g->tiles.wide ? sizeof(int32_t) : sizeof(uint16_t);
-    if (!geomipmap_cache_init(&g->cache, g->tiles.drawable * (filtered ? RENDERER_MAX_VIEWS : 1),
-                              most_slots(g, desc->knobs[KNOB_CACHE])) ||
-        !allocate(g) || (g->own_shading && !init_shading(g, desc)) || !build_programs(g, desc->effects))
+    if (!geomipmap_cache_init(&g->cache, most_slots(g, desc->knobs[KNOB_CACHE]), 0) || !allocate(g) ||
+        (g->own_shading && !init_shading(g, desc)) || !build_programs(g, desc->effects))
         return false;
+    // A tile shows the pictures of one block.
+    if (g->own_shading && g->tiles.drawn > g->shading.block_height) g->tiles.drawn = g->shading.block_height;
     if (g->own_shading) geomipmap_shading_use_program(&g->shading, g->programs[PASS_SHADED][0].program.name);
     create_buffers(g);
     return true;

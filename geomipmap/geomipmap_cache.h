@@ -1,4 +1,7 @@
-// Which buffer slot holds which tile: the least-recently-used manager of Brodersen 2005, section 5.  No GL.
+// Which slot holds which tile: the least-recently-used manager of Brodersen 2005, section 5.  No GL.
+//
+// Tiles have names, any numbers: what is kept depends on the tiles that are asked for, not on how many there
+// are.
 //
 // A tile that is asked for and has no slot takes the least recently used one.  A slot is never used twice
 // in a frame: when all were used in this one, the cache grows by a slot instead.  When a frame used fewer
@@ -8,6 +11,9 @@
 // A cache with a limit may not grow beyond it.  Then a full cache says so: the caller draws what it has
 // asked for so far, begins a new batch and goes on.  With fewer slots than a frame needs, every tile is
 // uploaded in every frame.
+//
+// A cache that keeps some slots takes no used one and gives none back while it has no more than those: what
+// is dear to make again outlives the frames that do not ask for it.
 // SPDX-License-Identifier: MIT
 #ifndef GEOMIPMAP_GEOMIPMAP_CACHE_H
 #define GEOMIPMAP_GEOMIPMAP_CACHE_H
@@ -23,17 +29,18 @@ enum geomipmap_found {
 };
 
 struct geomipmap_cache_slot {
-    int tile;         // the tile it holds
+    uint64_t tile;    // the name of the tile it holds
     int newer, older; // neighbours in order of use; -1: none
     uint64_t batch;   // in which it was last used
 };
 
 struct geomipmap_cache {
     int limit; // most slots; 0: as many as a frame uses
-    int tile_count;
+    int kept;  // slots that are kept in any case
     int slot_count, slot_room;
     struct geomipmap_cache_slot *slots;
-    int32_t *slot_of; // by tile; -1: none
+    int32_t *table; // slots by a hash of their tiles, 1 << table_bits entries with gaps; -1: none
+    int table_bits;
     int newest, oldest;
     uint64_t batch;
     int used; // slots asked for in this frame, each batch counted
@@ -42,8 +49,7 @@ struct geomipmap_cache {
     } counts;
 };
 
-bool geomipmap_cache_init(struct geomipmap_cache *cache, int tile_count,
-                          int limit); // false after one line on stderr
+bool geomipmap_cache_init(struct geomipmap_cache *cache, int limit, int kept); // false after one line
 size_t geomipmap_cache_bytes(const struct geomipmap_cache *cache);
 void geomipmap_cache_finish(struct geomipmap_cache *cache); // accepts a zeroed cache
 
@@ -55,6 +61,6 @@ bool geomipmap_cache_begin_frame(struct geomipmap_cache *cache, int *from, int *
 void geomipmap_cache_begin_batch(struct geomipmap_cache *cache);
 
 // Asks for a tile's slot and makes it the most recently used.
-enum geomipmap_found geomipmap_cache_find(struct geomipmap_cache *cache, int tile, int *slot);
+enum geomipmap_found geomipmap_cache_find(struct geomipmap_cache *cache, uint64_t tile, int *slot);
 
 #endif

@@ -52,37 +52,182 @@ static size_t subtract(uint64_t *keys, size_t count, const uint64_t *others, siz
     return kept;
 }
 
+// ---- the plan -----------------------------------------------------------------------------------
+
+static void add_configuration(struct geomipmap_drawn *drawn, const struct geomipmap_plan *plan, int level,
+                              const int neighbours[GEOMIPMAP_SIDES], uint16_t *scratch)
+{
+    int count = geomipmap_mesh_write(plan->bits, level, neighbours, scratch);
+    int vertices = (1 << plan->bits) + 1, samples = (1 << (plan->bits + plan->height)) + 1;
+    for (int i = 0; i < count; i++) // from the tile's vertices to samples of the finest level
+        scratch[i] = (uint16_t)((scratch[i] / vertices << plan->height) * samples +
+                                (scratch[i] % vertices << plan->height));
+    for (int i = 0; i < count; i += 3) {
+        const uint16_t *v = scratch + i;
+        drawn->triangles[drawn->triangle_count++] = pack_triangle(v);
+        for (int k = 0; k < 3; k++) drawn->edges[drawn->edge_count++] = pack_edge(v[k], v[(k + 1) % 3]);
+    }
+    drawn->triangle_count = sort_unique(drawn->triangles, drawn->triangle_count);
+    drawn->edge_count = sort_unique(drawn->edges, drawn->edge_count);
+}
+
+static bool drawn_init(struct geomipmap_drawn *drawn, size_t room)
+{
+    *drawn = (struct geomipmap_drawn){malloc(room * sizeof(uint64_t)), malloc(room * sizeof(uint64_t)), 0, 0};
+    return drawn->triangles && drawn->edges;
+}
+
+static void drawn_finish(struct geomipmap_drawn *drawn)
+{
+    free(drawn->triangles);
+    free(drawn->edges);
+    *drawn = (struct geomipmap_drawn){0};
+}
+
+static bool drawn_copy(struct geomipmap_drawn *copy, const struct geomipmap_drawn *drawn)
+{
+    if (!drawn_init(copy, drawn->triangle_count + drawn->edge_count + 1)) return false;
+    copy->triangle_count = drawn->triangle_count;
+    copy->edge_count = drawn->edge_count;
+    memcpy(copy->triangles, drawn->triangles, drawn->triangle_count * sizeof *copy->triangles);
+    memcpy(copy->edges, drawn->edges, drawn->edge_count * sizeof *copy->edges);
+    return true;
+}
+
+// Only cells at the south-east and north-west corners have a triangle on two sides; all pairs of (south,
+// east) and (west, north) therefore draw every triangle that any combination draws.
+static bool plan_level(struct geomipmap_plan *plan, int level, struct geomipmap_drawn *plain,
+                       struct geomipmap_drawn *all, uint16_t *scratch)
+{
+    int same[GEOMIPMAP_SIDES] = {level, level, level, level};
+    plain->triangle_count = plain->edge_count = all->triangle_count = all->edge_count = 0;
+    if (level == 0 && plan->height == 0) return true; // every sample: exact
+    add_configuration(plain, plan, level, same, scratch);
+    for (int i = 0; i <= level; i++)
+        for (int j = 0; j <= level; j++) add_configuration(all, plan, level, (int[4]){i, j, j, i}, scratch);
+    all->triangle_count =
+        subtract(all->triangles, all->triangle_count, plain->triangles, plain->triangle_count);
+    all->edge_count = subtract(all->edges, all->edge_count, plain->edges, plain->edge_count);
+    return drawn_copy(&plan->plain[level], plain) && drawn_copy(&plan->border[level], all);
+}
+
+bool geomipmap_plan_init(struct geomipmap_plan *plan, int bits, int height)
+{
+    *plan = (struct geomipmap_plan){.bits = bits, .height = height};
+    size_t bound = geomipmap_mesh_bound(bits); // indices of one configuration
+    // Besides one whole configuration, unique triangles are those of the border strips: fewer than a
+    // configuration for each of the levels squared, and that many again while one is being added.
+    struct geomipmap_drawn plain, all;
+    bool good = drawn_init(&plain, bound);
+    good = drawn_init(&all, bound * (2 + (size_t)bits * (size_t)bits)) && good;
+    uint16_t *scratch = malloc(bound * sizeof *scratch);
+    good = good && scratch;
+    for (int level = 0; level < bits && good; level++) good = plan_level(plan, level, &plain, &all, scratch);
+    drawn_finish(&plain);
+    drawn_finish(&all);
+    free(scratch);
+    if (good) return true;
+    geomipmap_plan_finish(plan);
+    return fail("geomipmap: no memory to list the triangles of a tile");
+}
+
+void geomipmap_plan_finish(struct geomipmap_plan *plan)
+{
+    for (int level = 0; level < GEOMIPMAP_MAX_LEVELS; level++) {
+        drawn_finish(&plan->plain[level]);
+        drawn_finish(&plan->border[level]);
+    }
+    *plan = (struct geomipmap_plan){0};
+}
+
+size_t geomipmap_plan_bytes(const struct geomipmap_plan *plan)
+{
+    size_t count = 0;
+    for (int level = 0; level < plan->bits; level++)
+        count += plan->plain[level].triangle_count + plan->plain[level].edge_count +
+                 plan->border[level].triangle_count + plan->border[level].edge_count;
+    return 2 * count * sizeof(uint64_t);
+}
+
 // ---- probes -------------------------------------------------------------------------------------
 
-struct builder {
-    struct geomipmap_plan *plan;
-    size_t capacity;
-    int row; // samples of the finest level in a row
-    bool failed;
+// Distance between the two surfaces at one point: |sum of weight x height|.  Weights of the finest surface
+// are not negative, those of the drawn one are.
+struct probe {
+    uint16_t vertex[4];
+    double weight[4];
 };
 
-static void add_probe(struct builder *b, const int vertex[4], const double weight[4])
+enum { BATCH = 128 };
+
+struct batch { // probes on their way, and what they found
+    const struct geomipmap_heights *heights;
+    int row; // samples of the finest level in a row
+    int count;
+    struct probe probes[BATCH];
+    double largest[GEOMIPMAP_LANES];
+};
+
+static void measure_fixed(struct batch *b)
 {
-    struct geomipmap_plan *plan = b->plan;
-    if (plan->count == b->capacity) {
-        size_t capacity = b->capacity ? 2 * b->capacity : 4096;
-        struct geomipmap_probe *probes = realloc(plan->probes, capacity * sizeof *probes);
-        if (!probes) {
-            b->failed = true;
-            return;
+    const double *heights = b->heights->finest;
+    for (const struct probe *probe = b->probes; probe < b->probes + b->count; probe++) {
+        const double *z0 = heights + probe->vertex[0] * GEOMIPMAP_LANES, w0 = probe->weight[0];
+        const double *z1 = heights + probe->vertex[1] * GEOMIPMAP_LANES, w1 = probe->weight[1];
+        const double *z2 = heights + probe->vertex[2] * GEOMIPMAP_LANES, w2 = probe->weight[2];
+        const double *z3 = heights + probe->vertex[3] * GEOMIPMAP_LANES, w3 = probe->weight[3];
+        for (int lane = 0; lane < GEOMIPMAP_LANES; lane++) {
+            double distance = fabs((z0[lane] * w0 + z1[lane] * w1) + (z2[lane] * w2 + z3[lane] * w3));
+            b->largest[lane] = distance > b->largest[lane] ? distance : b->largest[lane];
         }
-        plan->probes = probes;
-        b->capacity = capacity;
     }
-    struct geomipmap_probe *probe = &plan->probes[plan->count++];
+}
+
+// The same over all places of the vertices.
+static void measure_places(struct batch *b)
+{
+    const struct geomipmap_heights *heights = b->heights;
+    for (const struct probe *probe = b->probes; probe < b->probes + b->count; probe++) {
+        double above[GEOMIPMAP_LANES] = {0},
+               below[GEOMIPMAP_LANES] = {0}; // the finest surface over the drawn
+        for (int n = 0; n < 4; n++) {
+            size_t at = (size_t)probe->vertex[n] * GEOMIPMAP_LANES;
+            bool finest = probe->weight[n] >= 0;
+            const double *low = (finest ? heights->finest : heights->low) + at;
+            const double *high = (finest ? heights->finest : heights->high) + at;
+            for (int lane = 0; lane < GEOMIPMAP_LANES; lane++) {
+                above[lane] += probe->weight[n] * low[lane];
+                below[lane] -= probe->weight[n] * high[lane];
+            }
+        }
+        for (int lane = 0; lane < GEOMIPMAP_LANES; lane++) {
+            double distance = above[lane] > below[lane] ? above[lane] : below[lane];
+            b->largest[lane] = distance > b->largest[lane] ? distance : b->largest[lane];
+        }
+    }
+}
+
+static void flush(struct batch *b)
+{
+    if (b->heights->drawn)
+        measure_places(b);
+    else
+        measure_fixed(b);
+    b->count = 0;
+}
+
+static void add_probe(struct batch *b, const int vertex[4], const double weight[4])
+{
+    struct probe *probe = &b->probes[b->count++];
     for (int k = 0; k < 4; k++) {
         probe->vertex[k] = (uint16_t)vertex[k];
         probe->weight[k] = weight[k];
     }
+    if (b->count == BATCH) flush(b);
 }
 
 // Vertices of the finest level strictly inside a triangle: there the finest surface is that vertex.
-static void probe_inside(struct builder *b, uint64_t triangle)
+static void probe_inside(struct batch *b, uint64_t triangle)
 {
     int v[3] = {(int)(triangle >> 32), (int)(triangle >> 16 & 0xffff), (int)(triangle & 0xffff)};
     int x[3], y[3], low_x = INT32_MAX, low_y = INT32_MAX, high_x = 0, high_y = 0;
@@ -105,7 +250,7 @@ static void probe_inside(struct builder *b, uint64_t triangle)
 
 // One crossing at k / m of the way along the edge p-q, on a grid line where the finest surface has an edge.
 // (fx, fy): the crossing times m; (ux, uy): direction of the fine edge that it lies on.
-static void probe_crossing(struct builder *b, int p, int q, int k, int m, int fx, int fy, int ux, int uy)
+static void probe_crossing(struct batch *b, int p, int q, int k, int m, int fx, int fy, int ux, int uy)
 {
     int x = fx / m, y = fy / m, part = ux ? fx % m : fy % m;
     int here = y * b->row + x, next = part ? (y + uy) * b->row + x + ux : here;
@@ -115,7 +260,7 @@ static void probe_crossing(struct builder *b, int p, int q, int k, int m, int fx
 
 // Points of an edge where it meets the edges of the finest surface: those run along x, along y and along
 // the diagonal.
-static void probe_edge(struct builder *b, uint64_t edge)
+static void probe_edge(struct batch *b, uint64_t edge)
 {
     int p = (int)(edge >> 16), q = (int)(edge & 0xffff);
     int px = p % b->row, py = p / b->row, dx = q % b->row - px, dy = q / b->row - py;
@@ -131,102 +276,11 @@ static void probe_edge(struct builder *b, uint64_t edge)
             probe_crossing(b, p, q, k, diagonal, px * diagonal + k * dx, py * diagonal + k * dy, 1, 1);
 }
 
-static void probe_triangles(struct builder *b, const uint64_t *triangles, size_t count, const uint64_t *edges,
-                            size_t edge_count)
+static void probe_drawn(struct batch *b, const struct geomipmap_drawn *drawn)
 {
-    for (size_t i = 0; i < count; i++) probe_inside(b, triangles[i]);
-    for (size_t i = 0; i < edge_count; i++) probe_edge(b, edges[i]);
-}
-
-// ---- the plan -----------------------------------------------------------------------------------
-
-struct keys { // what some configurations of a level draw
-    uint64_t *triangles, *edges;
-    size_t triangle_count, edge_count;
-};
-
-static void add_configuration(struct keys *keys, const struct geomipmap_plan *plan, int level,
-                              const int neighbours[GEOMIPMAP_SIDES], uint16_t *scratch)
-{
-    int count = geomipmap_mesh_write(plan->bits, level, neighbours, scratch);
-    int vertices = (1 << plan->bits) + 1, samples = (1 << (plan->bits + plan->height)) + 1;
-    for (int i = 0; i < count; i++) // from the tile's vertices to samples of the finest level
-        scratch[i] = (uint16_t)((scratch[i] / vertices << plan->height) * samples +
-                                (scratch[i] % vertices << plan->height));
-    for (int i = 0; i < count; i += 3) {
-        const uint16_t *v = scratch + i;
-        keys->triangles[keys->triangle_count++] = pack_triangle(v);
-        for (int k = 0; k < 3; k++) keys->edges[keys->edge_count++] = pack_edge(v[k], v[(k + 1) % 3]);
-    }
-    keys->triangle_count = sort_unique(keys->triangles, keys->triangle_count);
-    keys->edge_count = sort_unique(keys->edges, keys->edge_count);
-}
-
-// Only cells at the south-east and north-west corners have a triangle on two sides; all pairs of (south,
-// east) and (west, north) therefore draw every triangle that any combination draws.
-static void plan_level(struct builder *b, int level, struct keys *plain, struct keys *all, uint16_t *scratch)
-{
-    int same[GEOMIPMAP_SIDES] = {level, level, level, level};
-    bool exact = level == 0 && b->plan->height == 0;
-    plain->triangle_count = plain->edge_count = all->triangle_count = all->edge_count = 0;
-    add_configuration(plain, b->plan, level, same, scratch);
-    for (int i = 0; i <= level; i++)
-        for (int j = 0; j <= level; j++)
-            add_configuration(all, b->plan, level, (int[4]){i, j, j, i}, scratch);
-    all->triangle_count =
-        subtract(all->triangles, all->triangle_count, plain->triangles, plain->triangle_count);
-    all->edge_count = subtract(all->edges, all->edge_count, plain->edges, plain->edge_count);
-    b->plan->plain[level] = b->plan->count;
-    if (!exact) probe_triangles(b, plain->triangles, plain->triangle_count, plain->edges, plain->edge_count);
-    b->plan->border[level] = b->plan->count;
-    if (!exact) probe_triangles(b, all->triangles, all->triangle_count, all->edges, all->edge_count);
-}
-
-bool geomipmap_plan_init(struct geomipmap_plan *plan, int bits, int height)
-{
-    *plan = (struct geomipmap_plan){.bits = bits, .height = height};
-    struct builder b = {.plan = plan, .row = (1 << (bits + height)) + 1};
-    size_t bound = geomipmap_mesh_bound(bits); // indices of one configuration
-    // Besides one whole configuration, unique triangles are those of the border strips: fewer than a
-    // configuration for each of the levels squared, and that many again while one is being added.
-    size_t room = bound * (2 + (size_t)bits * (size_t)bits);
-    struct keys plain = {malloc(bound * sizeof(uint64_t)), malloc(bound * sizeof(uint64_t)), 0, 0};
-    struct keys all = {malloc(room * sizeof(uint64_t)), malloc(room * sizeof(uint64_t)), 0, 0};
-    uint16_t *scratch = malloc(bound * sizeof *scratch);
-    b.failed = !plain.triangles || !plain.edges || !all.triangles || !all.edges || !scratch;
-    for (int level = 0; level < bits && !b.failed; level++) plan_level(&b, level, &plain, &all, scratch);
-    free(plain.triangles);
-    free(plain.edges);
-    free(all.triangles);
-    free(all.edges);
-    free(scratch);
-    if (!b.failed) return true;
-    geomipmap_plan_finish(plan);
-    return fail("geomipmap: no memory to list the error probes of a tile");
-}
-
-void geomipmap_plan_finish(struct geomipmap_plan *plan)
-{
-    free(plan->probes);
-    *plan = (struct geomipmap_plan){0};
-}
-
-static void measure_probes(const struct geomipmap_probe *probe, const struct geomipmap_probe *end,
-                           const double *heights, double largest[GEOMIPMAP_LANES])
-{
-    double most[GEOMIPMAP_LANES];
-    memcpy(most, largest, sizeof most);
-    for (; probe < end; probe++) {
-        const double *a = heights + probe->vertex[0] * GEOMIPMAP_LANES, w0 = probe->weight[0];
-        const double *b = heights + probe->vertex[1] * GEOMIPMAP_LANES, w1 = probe->weight[1];
-        const double *c = heights + probe->vertex[2] * GEOMIPMAP_LANES, w2 = probe->weight[2];
-        const double *d = heights + probe->vertex[3] * GEOMIPMAP_LANES, w3 = probe->weight[3];
-        for (int lane = 0; lane < GEOMIPMAP_LANES; lane++) {
-            double distance = fabs((a[lane] * w0 + b[lane] * w1) + (c[lane] * w2 + d[lane] * w3));
-            most[lane] = distance > most[lane] ? distance : most[lane];
-        }
-    }
-    memcpy(largest, most, sizeof most);
+    for (size_t i = 0; i < drawn->triangle_count; i++) probe_inside(b, drawn->triangles[i]);
+    for (size_t i = 0; i < drawn->edge_count; i++) probe_edge(b, drawn->edges[i]);
+    flush(b);
 }
 
 size_t geomipmap_level_first(int bits, int level)
@@ -289,30 +343,6 @@ static void bound_vertices(const struct geomipmap_plan *plan, const struct geomi
             else if (((a | b) & (step - 1)) == 0)
                 bound_vertex(plan, heights, a, b, false, level, largest);
         }
-}
-
-// The same as measure_probes, over all places of the vertices.  Weights of the finest surface are positive.
-static void measure_places(const struct geomipmap_probe *probe, const struct geomipmap_probe *end,
-                           const struct geomipmap_heights *heights, double largest[GEOMIPMAP_LANES])
-{
-    for (; probe < end; probe++) {
-        double above[GEOMIPMAP_LANES] = {0},
-               below[GEOMIPMAP_LANES] = {0}; // the finest surface over the drawn
-        for (int n = 0; n < 4; n++) {
-            size_t at = (size_t)probe->vertex[n] * GEOMIPMAP_LANES;
-            bool finest = probe->weight[n] >= 0;
-            const double *low = (finest ? heights->finest : heights->low) + at;
-            const double *high = (finest ? heights->finest : heights->high) + at;
-            for (int lane = 0; lane < GEOMIPMAP_LANES; lane++) {
-                above[lane] += probe->weight[n] * low[lane];
-                below[lane] -= probe->weight[n] * high[lane];
-            }
-        }
-        for (int lane = 0; lane < GEOMIPMAP_LANES; lane++) {
-            double distance = above[lane] > below[lane] ? above[lane] : below[lane];
-            largest[lane] = distance > largest[lane] ? distance : largest[lane];
-        }
-    }
 }
 
 // ---- mean distance ------------------------------------------------------------------------------
@@ -385,18 +415,16 @@ void geomipmap_plan_measure(const struct geomipmap_plan *plan, enum geomipmap_de
         measure_savings(plan, heights, error);
         return;
     }
+    bool borders = delta == GEOMIPMAP_STABLE;
+    struct batch batch = {.heights = heights, .row = (1 << (plan->bits + plan->height)) + 1};
     for (int level = 0; level < plan->bits; level++) {
-        double largest[GEOMIPMAP_LANES] = {0};
-        size_t next = level + 1 < plan->bits ? plan->plain[level + 1] : plan->count;
-        size_t first = plan->plain[level], end = delta == GEOMIPMAP_STABLE ? next : plan->border[level];
-        if (heights->drawn && first < end) {
-            bound_vertices(plan, heights, level, delta == GEOMIPMAP_STABLE, largest);
-            measure_places(plan->probes + first, plan->probes + end, heights, largest);
-        } else {
-            measure_probes(plan->probes + first, plan->probes + end, heights->finest, largest);
-        }
+        bool exact = level == 0 && plan->height == 0;
+        memset(batch.largest, 0, sizeof batch.largest);
+        if (heights->drawn && !exact) bound_vertices(plan, heights, level, borders, batch.largest);
+        probe_drawn(&batch, &plan->plain[level]);
+        if (borders) probe_drawn(&batch, &plan->border[level]);
         for (int lane = 0; lane < GEOMIPMAP_LANES; lane++)
-            error[lane][level] = first == end ? 0.0f : round_up(largest[lane] + range[lane] * ROUNDING);
+            error[lane][level] = exact ? 0.0f : round_up(batch.largest[lane] + range[lane] * ROUNDING);
     }
 }
 

@@ -12,7 +12,8 @@
 //              wrong (G2).
 // Both surfaces are linear between the points where an edge of one meets an edge of the other, so the
 // largest distance stands at one of those points.  Which points these are depends on the tile's size alone:
-// they are listed once, as weights of four vertices, and each tile only sums them up.
+// they follow from triangles and edges that are listed once, and are weights of four vertices each, which
+// eight tiles sum up at a time.
 //
 // The metric `mean` asks another question: which levels give the least mean error for a number of triangles?
 // A tile with the area A on the ground whose step is s draws 2 A / s^2 triangles.  At depth w it covers about
@@ -43,26 +44,24 @@ enum geomipmap_delta {
     GEOMIPMAP_SAVING, // of the metric `mean`, with the step in samples of the finest level
 };
 
-// Distance between the two surfaces at one point: |sum of weight x height|.
-struct geomipmap_probe {
-    uint16_t vertex[4];
-    double weight[4];
+struct geomipmap_drawn { // triangles and their edges, each once, as numbers of samples packed into one number
+    uint64_t *triangles, *edges;
+    size_t triangle_count, edge_count;
 };
 
 struct geomipmap_plan {
     int bits;   // the tile has 2^bits cells a side
     int height; // each of them 2^height cells of the finest level wide
-    struct geomipmap_probe *probes;
-    size_t plain[GEOMIPMAP_MAX_LEVELS];  // first probe of a level's own triangles
-    size_t border[GEOMIPMAP_MAX_LEVELS]; // first probe that only a finer neighbour brings
-    size_t count;                        // of all probes; a level ends where the next begins
+    struct geomipmap_drawn plain[GEOMIPMAP_MAX_LEVELS];  // of a level's own
+    struct geomipmap_drawn border[GEOMIPMAP_MAX_LEVELS]; // those that only a finer neighbour brings
 };
 
-// Lists the probes of tiles of 2^bits cells, drawn from every 2^height-th sample.  bits + height is at most
+// Lists what is drawn of tiles of 2^bits cells, from every 2^height-th sample.  bits + height is at most
 // GEOMIPMAP_MAX_EXTENT.  False after one line on stderr.
 enum { GEOMIPMAP_MAX_EXTENT = 7 };
 bool geomipmap_plan_init(struct geomipmap_plan *plan, int bits, int height);
 void geomipmap_plan_finish(struct geomipmap_plan *plan); // accepts a zeroed plan
+size_t geomipmap_plan_bytes(const struct geomipmap_plan *plan);
 
 // Tiles are measured this many at a time; their heights stand side by side, heights[sample * LANES + lane],
 // in quanta above each tile's lowest sample: all (2^(bits + height) + 1)^2 samples of the finest level.

@@ -7,10 +7,19 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { NONE = -1, FIRST_ROOM = 1024 };
+enum { FIRST_ROOM = 1024, FIRST_CORNER_BITS = 12, PARTS = 4, ROOT = 0, REMEMBERED = 1 << 16 };
 
-static bool reserve(struct geomipmap_selection *selection, int room)
+// ---- memory -------------------------------------------------------------------------------------
+
+static int grown(int room, int needed)
 {
+    return needed > room + room / 4 ? needed : room + room / 4;
+}
+
+static bool reserve_picks(struct geomipmap_selection *selection, int count)
+{
+    if (count <= selection->room) return true;
+    int room = grown(selection->room, count);
     struct geomipmap_pick *picks = realloc(selection->picks, (size_t)room * sizeof *picks);
     if (picks) selection->picks = picks;
     struct geomipmap_pick *list = realloc(selection->list, (size_t)room * sizeof *list);
@@ -20,75 +29,109 @@ static bool reserve(struct geomipmap_selection *selection, int room)
     return true;
 }
 
-// Tiles may stick out of the map.
-static size_t corners_across(const struct geomipmap_tiles *tiles, int tiles_across)
+static bool reserve_nodes(struct geomipmap_selection *selection, int count)
 {
-    return ((size_t)tiles_across << tiles->top) + 1;
-}
-
-static size_t corner_count(const struct geomipmap_tiles *tiles)
-{
-    const struct geomipmap_grid *top = &tiles->grid[tiles->top];
-    return tiles->filtered ? corners_across(tiles, top->columns) * corners_across(tiles, top->rows) : 0;
-}
-
-bool geomipmap_selection_init(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles)
-{
-    size_t count = (size_t)tiles->grid[0].columns * (size_t)tiles->grid[0].rows;
-    *selection = (struct geomipmap_selection){.cover = malloc(count * sizeof *selection->cover),
-                                              .corners = malloc(corner_count(tiles) + 1),
-                                              .last_step = malloc(count)};
-    if (!selection->cover || !selection->last_step || !selection->corners ||
-        !reserve(selection, FIRST_ROOM)) {
-        geomipmap_selection_finish(selection);
-        return fail("geomipmap: no memory to select from %zu tiles", count);
-    }
-    memset(selection->cover, GEOMIPMAP_NOTHING, count * sizeof *selection->cover);
-    geomipmap_selection_restart(selection, tiles);
+    if (count <= selection->node_room) return true;
+    int room = grown(selection->node_room, count);
+    struct geomipmap_node *nodes = realloc(selection->nodes, (size_t)room * sizeof *nodes);
+    if (!nodes) return fail("geomipmap: no memory to look at %d tiles", room);
+    selection->nodes = nodes;
+    selection->node_room = room;
     return true;
+}
+
+static size_t corner_room(const struct geomipmap_selection *selection)
+{
+    return selection->corner_bits ? (size_t)1 << selection->corner_bits : 0;
+}
+
+// Empties the hash and makes it at most half full with the corners of `count` tiles.
+static bool clear_corners(struct geomipmap_selection *selection, int count)
+{
+    int bits = selection->corner_bits ? selection->corner_bits : FIRST_CORNER_BITS;
+    while ((size_t)1 << bits < 2 * GEOMIPMAP_SIDES * (size_t)count) bits++;
+    if (bits > selection->corner_bits) {
+        free(selection->corners);
+        selection->corners = malloc(((size_t)1 << bits) * sizeof *selection->corners);
+        if (!selection->corners) return fail("geomipmap: no memory for the corners of %d tiles", count);
+        selection->corner_bits = bits;
+    }
+    memset(selection->corners, 0, corner_room(selection) * sizeof *selection->corners);
+    return true;
+}
+
+bool geomipmap_selection_init(struct geomipmap_selection *selection)
+{
+    *selection = (struct geomipmap_selection){.now = 0, .since = 1};
+    if (reserve_picks(selection, FIRST_ROOM) && reserve_nodes(selection, FIRST_ROOM) &&
+        geomipmap_cache_init(&selection->remembered, 0, REMEMBERED))
+        return true;
+    geomipmap_selection_finish(selection);
+    return false;
 }
 
 void geomipmap_selection_finish(struct geomipmap_selection *selection)
 {
     free(selection->picks);
     free(selection->list);
-    free(selection->cover);
+    free(selection->nodes);
     free(selection->corners);
-    free(selection->last_step);
+    free(selection->memory);
+    geomipmap_cache_finish(&selection->remembered);
     *selection = (struct geomipmap_selection){0};
 }
 
-void geomipmap_selection_restart(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles)
+void geomipmap_selection_restart(struct geomipmap_selection *selection)
 {
-    memset(selection->last_step, GEOMIPMAP_NOTHING,
-           (size_t)tiles->grid[0].columns * (size_t)tiles->grid[0].rows);
+    selection->since = selection->now + 1;
 }
 
-size_t geomipmap_selection_bytes(const struct geomipmap_selection *selection,
-                                 const struct geomipmap_tiles *tiles)
+size_t geomipmap_selection_bytes(const struct geomipmap_selection *selection)
 {
-    size_t count = (size_t)tiles->grid[0].columns * (size_t)tiles->grid[0].rows;
-    return corner_count(tiles) + count * (sizeof *selection->cover + sizeof *selection->last_step) +
-           (size_t)selection->room * (sizeof *selection->picks + sizeof *selection->list);
+    return (size_t)selection->room * (sizeof *selection->picks + sizeof *selection->list) +
+           (size_t)selection->node_room * sizeof *selection->nodes +
+           corner_room(selection) * sizeof *selection->corners +
+           geomipmap_cache_bytes(&selection->remembered) +
+           (size_t)selection->memory_room * sizeof *selection->memory;
+}
+
+// What is remembered of a tile; NULL when memory runs out.
+static struct geomipmap_memory *recall(struct geomipmap_selection *selection, struct geomipmap_place place)
+{
+    int slot;
+    struct geomipmap_cache *cache = &selection->remembered;
+    enum geomipmap_found found = geomipmap_cache_find(cache, geomipmap_tiles_name(place), &slot);
+    if (found == GEOMIPMAP_FULL) return NULL;
+    if (cache->slot_room > selection->memory_room) {
+        struct geomipmap_memory *memory =
+            realloc(selection->memory, (size_t)cache->slot_room * sizeof *memory);
+        if (!memory) return NULL;
+        selection->memory = memory;
+        selection->memory_room = cache->slot_room;
+    }
+    struct geomipmap_memory *memory = &selection->memory[slot];
+    if (found == GEOMIPMAP_MISS) *memory = (struct geomipmap_memory){0};
+    return memory;
 }
 
 struct scan { // of one view
     struct geomipmap_selection *selection;
-    const struct geomipmap_tiles *tiles;
+    struct geomipmap_tiles *tiles;
+    const struct geomipmap_choice *choice;
     const struct view *view;
     struct frustum frustum;
     struct geomipmap_judge judge;
-    bool cull;
-    enum geomipmap_borders borders;
-    double hysteresis;
-    bool morph;
-    struct terrain_reader *reader;
     double corner_m[2]; // south-west corner of the map, relative to the eye
     double tile_m[2];   // size of a tile of height 0
     double eye_tile[2]; // the eye, in tiles of height 0
-    int last;           // pick after which the next one goes
+    bool waiting;       // for a tile to be measured
     bool failed;
 };
+
+static struct geomipmap_node *node_at(const struct scan *scan, int n)
+{
+    return &scan->selection->nodes[n];
+}
 
 // ---- levels -------------------------------------------------------------------------------------
 
@@ -96,16 +139,16 @@ struct box { // relative to the eye, metres
     double low[3], high[3];
 };
 
-static struct box tile_box(const struct scan *scan, struct geomipmap_place place)
+static struct box tile_box(const struct scan *scan, struct geomipmap_place place,
+                           struct geomipmap_range range)
 {
     const struct geomipmap_tiles *tiles = scan->tiles;
-    struct geomipmap_range range = geomipmap_tiles_range(tiles, place);
     double ground = tiles->offset_m - scan->view->eye_m[2];
     const int cell[2] = {place.column, place.row};
     struct box box = {.low = {0, 0, ground + range.low * tiles->quantum_m},
                       .high = {0, 0, ground + range.high * tiles->quantum_m}};
     for (int axis = 0; axis < 2; axis++) {
-        double size = scan->tile_m[axis] * (1 << place.height);
+        double size = scan->tile_m[axis] * (double)((int64_t)1 << place.height);
         box.low[axis] = scan->corner_m[axis] + cell[axis] * size;
         box.high[axis] = scan->corner_m[axis] + (cell[axis] + 1) * size;
     }
@@ -131,18 +174,25 @@ static double box_distance(const struct box *box)
     return sqrt(squares);
 }
 
-// The finest step that was drawn of a tile when it was last seen.
-static int last_step(const struct scan *scan, struct geomipmap_place place)
+// The finest step that was drawn of a tile when it was last seen: as a tile itself, in tiles within it or as
+// a part of a larger one.
+static int last_step(struct scan *scan, struct geomipmap_place place)
 {
-    const struct geomipmap_grid *grid = &scan->tiles->grid[0];
-    int size = 1 << place.height, column = place.column * size, row = place.row * size,
-        least = GEOMIPMAP_NOTHING;
-    for (int j = row; j < row + size && j < grid->rows; j++)
-        for (int i = column; i < column + size && i < grid->columns; i++) {
-            int step = scan->selection->last_step[(size_t)j * (size_t)grid->columns + (size_t)i];
-            least = step < least ? step : least;
+    struct geomipmap_selection *selection = scan->selection;
+    uint64_t newest = selection->since - 1;
+    int step = GEOMIPMAP_NOTHING;
+    for (struct geomipmap_place at = place; at.height <= scan->tiles->drawn;
+         at = (struct geomipmap_place){at.height + 1, at.column / 2, at.row / 2}) {
+        const struct geomipmap_memory *memory = recall(selection, at);
+        if (!memory) {
+            scan->failed = true;
+            break;
         }
-    return least;
+        if (memory->when > newest) step = memory->step, newest = memory->when;
+        if (at.height == place.height && memory->inner_when > newest)
+            step = memory->inner, newest = memory->inner_when;
+    }
+    return step;
 }
 
 struct asked { // a tile whose level is sought
@@ -170,18 +220,17 @@ static struct grade grade_at_depth(const struct scan *scan, const struct asked *
     double allowed =
         geomipmap_allowed(&scan->judge, fmax(depth, scan->view->near_m), distance) / scan->tiles->quantum_m;
     int level = geomipmap_choose(asked->error, scan->tiles->levels, allowed, asked->kept,
-                                 allowed * (1 - scan->hysteresis));
+                                 allowed * (1 - scan->choice->hysteresis));
     bool last = level == scan->tiles->levels - 1;
-    return (struct grade){level, scan->morph && !last ? morph_of(asked->error, level, allowed) : 0,
+    return (struct grade){level, scan->choice->morph && !last ? morph_of(asked->error, level, allowed) : 0,
                           fmax(depth, scan->view->near_m)};
 }
 
-static struct grade choose_grade(const struct scan *scan, struct geomipmap_place place, const struct box *box,
-                                 bool whole)
+static struct grade choose_grade(struct scan *scan, struct geomipmap_place place, const struct box *box,
+                                 const float *error, bool whole)
 {
-    const struct asked asked = {geomipmap_tiles_error(scan->tiles, place),
-                                scan->hysteresis > 0 ? last_step(scan, place) - place.height
-                                                     : scan->tiles->levels};
+    const struct asked asked = {error, scan->choice->hysteresis > 0 ? last_step(scan, place) - place.height
+                                                                    : scan->tiles->levels};
     const double *forward = scan->view->forward;
     double depth = box_depth(box, forward, 1), rect[4], seen_depth;
     if (scan->judge.metric == GEOMIPMAP_PAPER) return grade_at_depth(scan, &asked, depth, box_distance(box));
@@ -198,97 +247,95 @@ static struct grade choose_grade(const struct scan *scan, struct geomipmap_place
     return grade_at_depth(scan, &asked, fmax(depth, seen_depth), 0);
 }
 
-// ---- picks --------------------------------------------------------------------------------------
+// ---- the tree -----------------------------------------------------------------------------------
 
-static void set_cover(struct scan *scan, struct geomipmap_place place, struct geomipmap_cover cover)
-{
-    const struct geomipmap_grid *grid = &scan->tiles->grid[0];
-    int size = 1 << place.height, column = place.column * size, row = place.row * size;
-    for (int j = row; j < row + size && j < grid->rows; j++)
-        for (int i = column; i < column + size && i < grid->columns; i++)
-            scan->selection->cover[(size_t)j * (size_t)grid->columns + (size_t)i] = cover;
-}
+enum {      // kinds of leaves
+    ABSENT, // beyond the map
+    IDLE,   // not seen, and nothing to its neighbours
+    BLOCK,  // not seen: the largest tiles that may be drawn, at their coarsest
+    PICK,
+};
 
 static bool within_map(const struct scan *scan, struct geomipmap_place place)
 {
     const int cell[2] = {place.column, place.row};
     double low[2], high[2];
     for (int axis = 0; axis < 2; axis++) {
-        double size = scan->tile_m[axis] * (1 << place.height);
+        double size = scan->tile_m[axis] * (double)((int64_t)1 << place.height);
         low[axis] = scan->corner_m[axis] + cell[axis] * size;
         high[axis] = low[axis] + size;
     }
     return view_inside_outline(scan->view, scan->tiles->terrain, low, high);
 }
 
-static void add_pick(struct scan *scan, struct geomipmap_place place, struct grade grade,
-                     enum frustum_side side)
+static void set_pick(struct scan *scan, int n, struct grade grade, enum frustum_side side)
+{
+    struct geomipmap_node *node = node_at(scan, n);
+    node->kind = PICK;
+    node->seen = side != FRUSTUM_OUTSIDE;
+    node->level = (uint8_t)grade.level;
+    node->morph = grade.morph;
+    node->depth_m = (float)grade.depth_m;
+    node->way = (uint8_t)((within_map(scan, node->place) ? GEOMIPMAP_WITHIN_MAP : 0) |
+                          (side == FRUSTUM_INSIDE ? GEOMIPMAP_WITHIN_VIEW : 0));
+}
+
+static struct geomipmap_place part_place(struct geomipmap_place place, int part)
+{
+    return (struct geomipmap_place){place.height - 1, place.column * 2 + part % 2, place.row * 2 + part / 2};
+}
+
+// The k-th of a tile's four parts, front to back as seen from the eye.  Parts on either side of the eye never
+// hide each other.
+static int part_in_order(const struct scan *scan, struct geomipmap_place place, int k)
+{
+    double scale = 1 / (double)((int64_t)1 << (place.height - 1));
+    int east = scan->eye_tile[0] * scale >= 2.0 * place.column + 1;
+    int north = scan->eye_tile[1] * scale >= 2.0 * place.row + 1;
+    return ((k / 2) ^ north) * 2 + ((k % 2) ^ east);
+}
+
+// Gives a node its four parts, and has those within the map visited.
+static void divide(struct scan *scan, int n, void (*visit)(struct scan *scan, int n, unsigned mask),
+                   unsigned mask)
 {
     struct geomipmap_selection *selection = scan->selection;
-    if (selection->listed == selection->room && !reserve(selection, selection->room + selection->room / 4)) {
-        scan->failed = true;
-        return;
+    int first = selection->node_count;
+    scan->failed = scan->failed || !reserve_nodes(selection, first + PARTS);
+    if (scan->failed) return;
+    struct geomipmap_place place = selection->nodes[n].place;
+    const struct geomipmap_grid *grid = &scan->tiles->grid[place.height - 1];
+    for (int part = 0; part < PARTS; part++) {
+        struct geomipmap_place at = part_place(place, part);
+        bool there = at.column < grid->columns && at.row < grid->rows;
+        selection->nodes[first + part] = (struct geomipmap_node){.place = at, .kind = there ? IDLE : ABSENT};
     }
-    int index = selection->listed++;
-    bool seen = side != FRUSTUM_OUTSIDE;
-    int way = (within_map(scan, place) ? GEOMIPMAP_WITHIN_MAP : 0) |
-              (side == FRUSTUM_INSIDE ? GEOMIPMAP_WITHIN_VIEW : 0);
-    struct geomipmap_pick *pick = &selection->list[index];
-    *pick = (struct geomipmap_pick){.place = place,
-                                    .level = (uint8_t)grade.level,
-                                    .morph = grade.morph,
-                                    .depth_m = (float)grade.depth_m,
-                                    .seen = seen,
-                                    .way = (uint8_t)way,
-                                    .next = NONE};
-    if (scan->last != NONE) {
-        pick->next = selection->list[scan->last].next;
-        selection->list[scan->last].next = index;
+    selection->node_count += PARTS;
+    selection->nodes[n].first = first;
+    for (int k = 0; k < PARTS; k++) {
+        int part = first + part_in_order(scan, place, k);
+        if (node_at(scan, part)->kind != ABSENT) visit(scan, part, mask);
     }
-    scan->last = index;
-    // Of tiles of one size, those that are not seen ask nothing of their neighbours.
-    if (!seen && scan->tiles->merge == 0) return;
-    set_cover(
-        scan, place,
-        (struct geomipmap_cover){(uint8_t)place.height, (uint8_t)(place.height + grade.level), grade.morph});
 }
 
-// The n-th of the cells first..end-1 in an order that is front to back as seen from cell `eye`: from there
-// upwards, then from there downwards.  Cells on either side of the eye never hide each other.
-static int outward(double eye, int first, int end, int n)
+static void scan_unseen(struct scan *scan, int n, unsigned mask)
 {
-    int start = eye < first ? first : eye >= end ? end : (int)eye;
-    return n < end - start ? start + n : start - 1 - (n - (end - start));
-}
-
-// Calls visit for the tiles first .. first + size - 1 (column and row) of one height, front to back.
-static void visit_tiles(struct scan *scan, struct geomipmap_place first, int size,
-                        void (*visit)(struct scan *scan, struct geomipmap_place place, unsigned mask),
-                        unsigned mask)
-{
-    const struct geomipmap_grid *grid = &scan->tiles->grid[first.height];
-    double scale = 1.0 / (1 << first.height);
-    int end_column = first.column + size < grid->columns ? first.column + size : grid->columns;
-    int end_row = first.row + size < grid->rows ? first.row + size : grid->rows;
-    for (int j = 0; j < end_row - first.row; j++)
-        for (int i = 0; i < end_column - first.column; i++) {
-            struct geomipmap_place place = {first.height,
-                                            outward(scan->eye_tile[0] * scale, first.column, end_column, i),
-                                            outward(scan->eye_tile[1] * scale, first.row, end_row, j)};
-            visit(scan, place, mask);
-        }
-}
-
-static struct geomipmap_place first_child(struct geomipmap_place place)
-{
-    return (struct geomipmap_place){place.height - 1, place.column * 2, place.row * 2};
+    const struct geomipmap_tiles *tiles = scan->tiles;
+    // All alike at their coarsest, tiles of one size ask nothing of their neighbours.
+    if (tiles->drawn == 0 && scan->choice->cull) return;
+    if (node_at(scan, n)->place.height <= tiles->drawn)
+        set_pick(scan, n, (struct grade){tiles->levels - 1, 0, 0}, FRUSTUM_OUTSIDE);
+    else if (scan->choice->cull)
+        node_at(scan, n)->kind = BLOCK;
+    else
+        divide(scan, n, scan_unseen, mask);
 }
 
 // The finest level from `wanted` on that is there; else the coarsest, which is waited for.
 static int level_there(const struct scan *scan, struct geomipmap_place place, int wanted)
 {
     int level = wanted, last = scan->tiles->levels - 1;
-    while (level < last && !geomipmap_tiles_ready(scan->tiles, scan->reader, place, level)) level++;
+    while (level < last && !geomipmap_tiles_ready(scan->tiles, scan->choice->reader, place, level)) level++;
     scan->selection->late += level > wanted;
     return level;
 }
@@ -297,206 +344,266 @@ static int level_there(const struct scan *scan, struct geomipmap_place place, in
 static bool parts_there(const struct scan *scan, struct geomipmap_place place)
 {
     const struct geomipmap_grid *grid = &scan->tiles->grid[place.height - 1];
-    struct geomipmap_place first = first_child(place);
     bool there = true; // all are asked for
-    for (int n = 0; n < 4 && scan->reader; n++) {
-        struct geomipmap_place part = {first.height, first.column + n % 2, first.row + n / 2};
+    for (int n = 0; n < PARTS && scan->choice->reader; n++) {
+        struct geomipmap_place part = part_place(place, n);
         if (part.column < grid->columns && part.row < grid->rows)
-            there = geomipmap_tiles_ready(scan->tiles, scan->reader, part, scan->tiles->levels - 1) && there;
+            there = geomipmap_tiles_ready(scan->tiles, scan->choice->reader, part, scan->tiles->levels - 1) &&
+                    there;
     }
     return there;
 }
 
-enum { MASK_OUTSIDE = 1 << FRUSTUM_PLANES }; // a plane's bit that is never tested: an ancestor was outside
-
-static void scan_tile(struct scan *scan, struct geomipmap_place place, unsigned mask)
+// Draws a tile that is seen, unless smaller ones are better.
+static bool draw_node(struct scan *scan, int n, const struct box *box, const float *error,
+                      enum frustum_side side)
 {
-    const struct geomipmap_tiles *tiles = scan->tiles;
+    struct geomipmap_place place = node_at(scan, n)->place;
+    int levels = scan->tiles->levels;
+    struct grade grade = choose_grade(scan, place, box, error, side == FRUSTUM_INSIDE);
+    // Smaller tiles would not save triangles: 2 x 2 of them, at their coarsest, are this tile's second
+    // coarsest level.
+    bool fine = place.height == 0 || grade.level >= levels - 2;
+    if (!fine && parts_there(scan, place)) return false;
+    scan->selection->late += !fine;
+    if (scan->choice->reader) grade.level = level_there(scan, place, fine ? grade.level : levels - 2);
+    set_pick(scan, n, grade, side);
+    return true;
+}
+
+static bool look_at(struct scan *scan, int n, struct box *box, const float **error, unsigned *mask,
+                    enum frustum_side *side)
+{
+    struct geomipmap_range range;
+    struct geomipmap_place place = node_at(scan, n)->place;
+    if (!geomipmap_tiles_know(scan->tiles, place, &range, error)) {
+        scan->waiting = true;
+        return false;
+    }
+    *box = tile_box(scan, place, range);
+    *side = *mask ? frustum_test_box(&scan->frustum, box->low, box->high, mask) : FRUSTUM_INSIDE;
+    return true;
+}
+
+static void scan_node(struct scan *scan, int n, unsigned mask)
+{
     struct box box;
-    enum frustum_side side = FRUSTUM_OUTSIDE;
-    if (mask != MASK_OUTSIDE) {
-        box = tile_box(scan, place);
-        side = mask ? frustum_test_box(&scan->frustum, box.low, box.high, &mask) : FRUSTUM_INSIDE;
+    const float *error;
+    enum frustum_side side;
+    if (!look_at(scan, n, &box, &error, &mask, &side)) return;
+    if (side == FRUSTUM_OUTSIDE)
+        scan_unseen(scan, n, mask);
+    else if (node_at(scan, n)->place.height > scan->tiles->drawn || !draw_node(scan, n, &box, error, side))
+        divide(scan, n, scan_node, mask);
+}
+
+// Of a tile that has to be divided whatever its error: each part is drawn.
+static void scan_part(struct scan *scan, int n, unsigned mask)
+{
+    struct box box;
+    const float *error;
+    enum frustum_side side;
+    if (!look_at(scan, n, &box, &error, &mask, &side)) return;
+    struct geomipmap_place place = node_at(scan, n)->place;
+    struct grade grade = {scan->tiles->levels - 1, 0, 0};
+    if (side != FRUSTUM_OUTSIDE) {
+        grade = choose_grade(scan, place, &box, error, side == FRUSTUM_INSIDE);
+        if (scan->choice->reader) grade.level = level_there(scan, place, grade.level);
     }
-    // All alike at their coarsest, tiles outside ask nothing of their neighbours; merged ones may have to
-    // split.
-    if (side == FRUSTUM_OUTSIDE && scan->cull && tiles->merge == 0) return;
-    if (place.height <= tiles->merge) {
-        if (side == FRUSTUM_OUTSIDE) {
-            add_pick(scan, place, (struct grade){tiles->levels - 1, 0, 0}, side);
-            return;
-        }
-        struct grade grade = choose_grade(scan, place, &box, side == FRUSTUM_INSIDE);
-        // Smaller tiles would not save triangles: 2 x 2 of them, at their coarsest, are this tile's second
-        // coarsest level.
-        bool fine = place.height == 0 || grade.level >= tiles->levels - 2;
-        if (fine || !parts_there(scan, place)) {
-            scan->selection->late += !fine;
-            if (scan->reader) grade.level = level_there(scan, place, fine ? grade.level : tiles->levels - 2);
-            add_pick(scan, place, grade, side);
-            return;
-        }
-    }
-    visit_tiles(scan, first_child(place), 2, scan_tile, side == FRUSTUM_OUTSIDE ? MASK_OUTSIDE : mask);
+    set_pick(scan, n, grade, side);
 }
 
 // ---- borders ------------------------------------------------------------------------------------
 
-// The tiles of height 0 along the outside of one side of a tile.
-struct fringe {
-    int column, row, step_column, step_row, count;
+struct cover { // what is drawn of a tile, or the finest along one of its sides
+    int step;  // every 2^step-th sample; GEOMIPMAP_NOTHING: no pick covers it
+    int morph;
+    bool seen;
 };
 
-static struct fringe tile_fringe(const struct scan *scan, struct geomipmap_place place,
-                                 enum geomipmap_side side)
+static struct cover cover_of(const struct scan *scan, const struct geomipmap_node *node)
 {
-    const struct geomipmap_grid *grid = &scan->tiles->grid[0];
-    int size = 1 << place.height, column = place.column * size, row = place.row * size;
-    bool across = side == GEOMIPMAP_SOUTH || side == GEOMIPMAP_NORTH;
-    struct fringe fringe = {.column = column, .row = row, .step_column = across, .step_row = !across};
-    if (side == GEOMIPMAP_SOUTH) fringe.row = row - 1;
-    if (side == GEOMIPMAP_NORTH) fringe.row = row + size;
-    if (side == GEOMIPMAP_WEST) fringe.column = column - 1;
-    if (side == GEOMIPMAP_EAST) fringe.column = column + size;
-    if (fringe.column < 0 || fringe.row < 0 || fringe.column >= grid->columns || fringe.row >= grid->rows)
-        return fringe; // the edge of the map
-    int along = across ? grid->columns - column : grid->rows - row;
-    fringe.count = size < along ? size : along;
-    return fringe;
+    const struct geomipmap_tiles *tiles = scan->tiles;
+    if (node->kind == BLOCK) return (struct cover){tiles->drawn + tiles->levels - 1, 0, false};
+    // Of tiles of one size, those that are not seen ask nothing of their neighbours.
+    if (node->kind != PICK || (!node->seen && tiles->drawn == 0))
+        return (struct cover){GEOMIPMAP_NOTHING, 0, false};
+    return (struct cover){node->place.height + node->level, node->morph, node->seen};
 }
 
-static struct geomipmap_cover cover_at(const struct scan *scan, const struct fringe *fringe, int n)
+static enum geomipmap_side opposite(enum geomipmap_side side)
 {
-    int column = fringe->column + n * fringe->step_column, row = fringe->row + n * fringe->step_row;
-    return scan->selection->cover[(size_t)row * (size_t)scan->tiles->grid[0].columns + (size_t)column];
+    return (enum geomipmap_side)((side + 2) % GEOMIPMAP_SIDES);
+}
+
+// The node beyond a side: as large, with parts or without, or larger.  -1: the edge of the map.
+static int find_beyond(const struct scan *scan, struct geomipmap_place place, enum geomipmap_side side)
+{
+    const struct geomipmap_grid *grid = &scan->tiles->grid[place.height];
+    int column = place.column + (side == GEOMIPMAP_EAST) - (side == GEOMIPMAP_WEST);
+    int row = place.row + (side == GEOMIPMAP_NORTH) - (side == GEOMIPMAP_SOUTH);
+    if (column < 0 || row < 0 || column >= grid->columns || row >= grid->rows) return -1;
+    const struct geomipmap_node *nodes = scan->selection->nodes;
+    int n = ROOT;
+    for (int shift = scan->tiles->top - place.height - 1; shift >= 0 && nodes[n].first; shift--)
+        n = nodes[n].first + (row >> shift & 1) * 2 + (column >> shift & 1);
+    return n;
+}
+
+// Takes the leaves along one side of a node into the finest.  GEOMIPMAP_NOTHING is larger than any step.
+static void meet(const struct scan *scan, int n, enum geomipmap_side side, struct cover *finest)
+{
+    static const uint8_t along[GEOMIPMAP_SIDES][2] = {{0, 1}, {1, 3}, {2, 3}, {0, 2}};
+    const struct geomipmap_node *node = node_at(scan, n);
+    if (node->first) {
+        for (int i = 0; i < 2; i++) meet(scan, node->first + along[side][i], side, finest);
+        return;
+    }
+    struct cover cover = cover_of(scan, node);
+    bool seen = finest->seen || cover.seen;
+    if (cover.step < finest->step || (cover.step == finest->step && cover.morph < finest->morph))
+        *finest = cover;
+    finest->seen = seen;
 }
 
 // The smallest step along one side of a tile, its own and its neighbours'; those not drawn ask for nothing.
 // The edge of the map stands against the sky wherever it is seen, so it gets every sample that the tile
 // has.
-static struct geomipmap_cover side_cover(const struct scan *scan, struct geomipmap_place place,
-                                         struct geomipmap_cover own, enum geomipmap_side side)
+static struct cover side_cover(const struct scan *scan, int n, enum geomipmap_side side)
 {
-    struct fringe fringe = tile_fringe(scan, place, side);
-    if (fringe.count == 0) return (struct geomipmap_cover){own.height, (uint8_t)place.height, 0};
-    for (int n = 0; n < fringe.count; n++) {
-        struct geomipmap_cover other = cover_at(scan, &fringe, n);
-        // GEOMIPMAP_NOTHING is larger than any step.
-        if (other.step < own.step || (other.step == own.step && other.morph < own.morph)) own = other;
-    }
-    return own;
+    const struct geomipmap_node *node = node_at(scan, n);
+    struct cover cover = cover_of(scan, node);
+    int beyond = find_beyond(scan, node->place, side);
+    if (beyond < 0) return (struct cover){node->place.height, 0, cover.seen};
+    meet(scan, beyond, opposite(side), &cover);
+    return cover;
 }
 
-static struct geomipmap_cover pick_cover(const struct geomipmap_pick *pick)
+// The same, as it is drawn: beside a larger tile it is decided along the whole side of that one.
+static struct cover border_cover(const struct scan *scan, int n, enum geomipmap_side side, uint8_t *larger)
 {
-    return (struct geomipmap_cover){(uint8_t)pick->place.height, (uint8_t)(pick->place.height + pick->level),
-                                    pick->morph};
-}
-
-// The step that a tile must draw along one side.  Beside a larger tile it is decided along the whole side
-// of that one.
-static struct geomipmap_cover border_cover(const struct scan *scan, const struct geomipmap_pick *pick,
-                                           enum geomipmap_side side)
-{
-    struct geomipmap_place place = pick->place;
-    struct fringe fringe = tile_fringe(scan, place, side);
-    if (fringe.count > 0) {
-        struct geomipmap_cover cover = cover_at(scan, &fringe, 0);
-        if (cover.step != GEOMIPMAP_NOTHING && cover.height > place.height) {
-            struct geomipmap_place larger = {cover.height, fringe.column >> cover.height,
-                                             fringe.row >> cover.height};
-            return side_cover(scan, larger, cover, (enum geomipmap_side)((side + 2) % GEOMIPMAP_SIDES));
-        }
+    const struct geomipmap_node *node = node_at(scan, n);
+    int beyond = find_beyond(scan, node->place, side);
+    *larger = 0;
+    if (beyond < 0) return (struct cover){node->place.height, 0, node->seen};
+    const struct geomipmap_node *other = node_at(scan, beyond);
+    if (other->kind == PICK && !other->first && other->place.height > node->place.height) {
+        *larger = (uint8_t)other->place.height;
+        return side_cover(scan, beyond, opposite(side));
     }
-    return side_cover(scan, place, pick_cover(pick), side);
+    struct cover cover = cover_of(scan, node);
+    if (!node->seen && scan->tiles->drawn == 0) cover.step = node->level;
+    meet(scan, beyond, opposite(side), &cover);
+    return cover;
 }
 
 // The step along a side that has only the vertices of both tiles.  Both are of one size.
-static int removed_step(const struct scan *scan, const struct geomipmap_pick *pick, enum geomipmap_side side)
+static int removed_step(const struct scan *scan, int n, enum geomipmap_side side)
 {
-    struct fringe fringe = tile_fringe(scan, pick->place, side);
-    if (fringe.count == 0) return pick->level;
-    int step = cover_at(scan, &fringe, 0).step;
-    return step != GEOMIPMAP_NOTHING && step > pick->level ? step : pick->level;
+    int level = node_at(scan, n)->level, beyond = find_beyond(scan, node_at(scan, n)->place, side);
+    if (beyond < 0) return level;
+    int step = cover_of(scan, node_at(scan, beyond)).step;
+    return step != GEOMIPMAP_NOTHING && step > level ? step : level;
 }
 
-static bool lacks_samples(const struct scan *scan, const struct geomipmap_pick *pick)
+// Whether a leaf has to be divided: a tile that has fewer samples than are drawn along one of its sides, a
+// block that would have something to do with what is seen or finer.
+static bool must_divide(const struct scan *scan, int n)
 {
-    for (int side = 0; side < GEOMIPMAP_SIDES && pick->place.height > 0; side++)
-        if (side_cover(scan, pick->place, pick_cover(pick), (enum geomipmap_side)side).step <
-            pick->place.height)
-            return true;
+    const struct geomipmap_node *node = node_at(scan, n);
+    bool block = node->kind == BLOCK;
+    if (node->first || (!block && (node->kind != PICK || node->place.height == 0))) return false;
+    for (int side = 0; side < GEOMIPMAP_SIDES; side++) {
+        struct cover cover = side_cover(scan, n, (enum geomipmap_side)side);
+        int least = block && find_beyond(scan, node->place, (enum geomipmap_side)side) >= 0
+                        ? scan->tiles->drawn + scan->tiles->levels - 1
+                        : node->place.height;
+        if (cover.step < least || (block && cover.seen)) return true;
+    }
     return false;
 }
 
-static void split_child(struct scan *scan, struct geomipmap_place place, unsigned mask)
-{
-    struct box box = tile_box(scan, place);
-    enum frustum_side side =
-        mask == MASK_OUTSIDE ? FRUSTUM_OUTSIDE : frustum_test_box(&scan->frustum, box.low, box.high, &mask);
-    struct grade grade = {scan->tiles->levels - 1, 0, 0};
-    if (side != FRUSTUM_OUTSIDE) {
-        grade = choose_grade(scan, place, &box, side == FRUSTUM_INSIDE);
-        if (scan->reader) grade.level = level_there(scan, place, grade.level);
-    }
-    add_pick(scan, place, grade, side);
-}
-
-// Puts the four smaller tiles in the place of a pick: the first takes over its entry, so that the order
-// stays.
-static void split_pick(struct scan *scan, int index)
+// Divides leaves until none has to be.  Every division makes tiles smaller, so this ends.
+static void divide_coarse_neighbours(struct scan *scan)
 {
     struct geomipmap_selection *selection = scan->selection;
-    struct geomipmap_pick whole = selection->list[index];
-    scan->last = index;
-    visit_tiles(scan, first_child(whole.place), 2, split_child, whole.seen ? FRUSTUM_ALL : MASK_OUTSIDE);
-    if (scan->failed) return;
-    int first = selection->list[index].next;
-    selection->list[index] = selection->list[first];
-}
-
-// Splits merged tiles until each has the samples that its neighbours draw.  Every split makes tiles
-// smaller, so this ends.
-static void split_coarse_neighbours(struct scan *scan)
-{
-    struct geomipmap_selection *selection = scan->selection;
-    for (bool again = scan->tiles->merge > 0; again && !scan->failed;) {
+    for (bool again = scan->tiles->drawn > 0; again && !scan->failed && !scan->waiting;) {
         again = false;
-        for (int i = selection->listed ? 0 : NONE; i != NONE && !scan->failed; i = selection->list[i].next)
-            while (lacks_samples(scan, &selection->list[i]) && !scan->failed) {
-                split_pick(scan, i);
-                again = true;
-            }
-    }
-}
-
-static void choose_set(const struct scan *scan, struct geomipmap_pick *pick)
-{
-    int neighbours[GEOMIPMAP_SIDES];
-    for (int side = 0; side < GEOMIPMAP_SIDES; side++) {
-        if (scan->borders == GEOMIPMAP_REMOVE) {
-            neighbours[side] = removed_step(scan, pick, (enum geomipmap_side)side);
-            pick->hem[side] = (struct geomipmap_hem){(uint8_t)neighbours[side], 0};
-        } else {
-            struct geomipmap_cover cover = border_cover(scan, pick, (enum geomipmap_side)side);
-            neighbours[side] = cover.step - pick->place.height;
-            pick->hem[side] = (struct geomipmap_hem){(uint8_t)neighbours[side], cover.morph};
+        for (int n = 0; n < selection->node_count && !scan->failed; n++) {
+            if (!must_divide(scan, n)) continue;
+            bool seen = node_at(scan, n)->seen;
+            divide(scan, n, seen ? scan_part : scan_unseen, FRUSTUM_ALL);
+            again = true;
         }
     }
-    pick->set = (uint16_t)geomipmap_mesh_set(scan->tiles->bits, scan->borders, pick->level, neighbours);
 }
 
-// Entry of a place between tiles of height 0.
-static uint8_t *corner_at(const struct scan *scan, int column, int row)
+// ---- picks --------------------------------------------------------------------------------------
+
+static struct geomipmap_pick make_pick(const struct scan *scan, int n)
 {
-    size_t across = corners_across(scan->tiles, scan->tiles->grid[scan->tiles->top].columns);
-    return scan->selection->corners + (size_t)row * across + (size_t)column;
+    const struct geomipmap_node *node = node_at(scan, n);
+    struct geomipmap_pick pick = {.place = node->place,
+                                  .depth_m = node->depth_m,
+                                  .level = node->level,
+                                  .seen = node->seen,
+                                  .way = node->way,
+                                  .morph = node->morph};
+    int neighbours[GEOMIPMAP_SIDES];
+    for (int side = 0; side < GEOMIPMAP_SIDES; side++) {
+        if (scan->choice->borders == GEOMIPMAP_REMOVE) {
+            neighbours[side] = removed_step(scan, n, (enum geomipmap_side)side);
+            pick.hem[side] = (struct geomipmap_hem){(uint8_t)neighbours[side], 0};
+        } else {
+            struct cover cover = border_cover(scan, n, (enum geomipmap_side)side, &pick.larger[side]);
+            neighbours[side] = cover.step - node->place.height;
+            pick.hem[side] = (struct geomipmap_hem){(uint8_t)neighbours[side], (uint8_t)cover.morph};
+        }
+    }
+    pick.set = (uint16_t)geomipmap_mesh_set(scan->tiles->bits, scan->choice->borders, pick.level, neighbours);
+    return pick;
 }
 
+// Lists the leaves that are picks front to back, those seen in one list and the others in another.
+static void list_picks(struct scan *scan, int n)
+{
+    struct geomipmap_selection *selection = scan->selection;
+    const struct geomipmap_node *node = node_at(scan, n);
+    for (int k = 0; k < PARTS && node->first; k++)
+        list_picks(scan, node->first + part_in_order(scan, node->place, k));
+    if (node->first || node->kind != PICK) return;
+    struct geomipmap_pick *pick = node->seen ? &selection->picks[selection->seen++]
+                                             : &selection->list[selection->count - selection->seen];
+    *pick = make_pick(scan, n);
+    selection->count++;
+}
+
+static void choose_sets(struct scan *scan)
+{
+    struct geomipmap_selection *selection = scan->selection;
+    selection->count = selection->seen = 0;
+    scan->failed = !reserve_picks(selection, selection->node_count);
+    if (scan->failed) return;
+    list_picks(scan, ROOT);
+    memcpy(selection->picks + selection->seen, selection->list,
+           (size_t)(selection->count - selection->seen) * sizeof *selection->picks);
+}
+
+// ---- corners ------------------------------------------------------------------------------------
+
+// Step of the vertex where tiles meet; GEOMIPMAP_NOTHING when it was not asked for before.
 static uint8_t *corner_step(const struct scan *scan, struct geomipmap_place place, int corner)
 {
+    struct geomipmap_selection *selection = scan->selection;
     bool east = corner < 2, north = corner == 1 || corner == 2;
-    return corner_at(scan, (place.column + east) << place.height, (place.row + north) << place.height);
+    uint64_t column = (uint64_t)(place.column + east) << place.height;
+    uint64_t row = (uint64_t)(place.row + north) << place.height, name = (row << 32 | column) + 1;
+    size_t mask = corner_room(selection) - 1,
+           at = (size_t)(name * 0x9e3779b97f4a7c15u >> (64 - selection->corner_bits));
+    while (selection->corners[at].name && selection->corners[at].name != name) at = (at + 1) & mask;
+    if (!selection->corners[at].name)
+        selection->corners[at] = (struct geomipmap_corner){name, GEOMIPMAP_NOTHING};
+    return &selection->corners[at].step;
 }
 
 static int side_step(const struct geomipmap_pick *pick, int side)
@@ -514,26 +621,27 @@ static void end_sides(const struct scan *scan, const struct geomipmap_pick *pick
         }
 }
 
-// Places along the sides where only smaller tiles have corners.
+// Corners within the side of a larger tile.
 static void cross_sides(const struct scan *scan, const struct geomipmap_pick *pick)
 {
-    int size = 1 << pick->place.height, column = pick->place.column * size, row = pick->place.row * size;
-    for (int n = 1; n < size; n++) {
-        *corner_at(scan, column + n, row) = (uint8_t)side_step(pick, GEOMIPMAP_SOUTH);
-        *corner_at(scan, column + n, row + size) = (uint8_t)side_step(pick, GEOMIPMAP_NORTH);
-        *corner_at(scan, column, row + n) = (uint8_t)side_step(pick, GEOMIPMAP_WEST);
-        *corner_at(scan, column + size, row + n) = (uint8_t)side_step(pick, GEOMIPMAP_EAST);
-    }
+    for (int side = 0; side < GEOMIPMAP_SIDES; side++)
+        for (int end = 0; end < 2 && pick->larger[side]; end++) {
+            int corner = (side + 3 * end) % GEOMIPMAP_SIDES;
+            bool east = corner < 2, north = corner == 1 || corner == 2;
+            bool across = side == GEOMIPMAP_SOUTH || side == GEOMIPMAP_NORTH;
+            int along = across ? pick->place.column + east : pick->place.row + north;
+            if (along & ((1 << (pick->larger[side] - pick->place.height)) - 1))
+                *corner_step(scan, pick->place, corner) = (uint8_t)side_step(pick, side);
+        }
 }
 
 // A vertex where sides end takes the finest step of them all; but within the side of a larger tile, which
 // does not end there, it takes that side's.
-static void choose_forms(const struct scan *scan)
+static void choose_forms(struct scan *scan)
 {
     struct geomipmap_selection *selection = scan->selection;
-    for (int k = 0; k < selection->count; k++)
-        for (int corner = 0; corner < GEOMIPMAP_SIDES; corner++)
-            *corner_step(scan, selection->picks[k].place, corner) = GEOMIPMAP_NOTHING;
+    scan->failed = !clear_corners(selection, selection->count);
+    if (scan->failed) return;
     for (int k = 0; k < selection->count; k++) end_sides(scan, &selection->picks[k]);
     for (int k = 0; k < selection->count; k++) cross_sides(scan, &selection->picks[k]);
     for (int k = 0; k < selection->count; k++)
@@ -551,56 +659,57 @@ struct geomipmap_form geomipmap_pick_form(const struct geomipmap_pick *pick)
     return form;
 }
 
-static void choose_sets(struct scan *scan)
-{
-    struct geomipmap_selection *selection = scan->selection;
-    int seen = 0, unseen = 0; // where the next pick of either kind goes
-    for (int i = selection->listed ? 0 : NONE; i != NONE; i = selection->list[i].next)
-        unseen += selection->list[i].seen;
-    selection->seen = unseen;
-    for (int i = selection->listed ? 0 : NONE; i != NONE; i = selection->list[i].next) {
-        struct geomipmap_pick *pick = &selection->list[i];
-        choose_set(scan, pick);
-        selection->picks[pick->seen ? seen++ : unseen++] = *pick;
-    }
-    selection->count = unseen;
-}
+// ---- the whole ----------------------------------------------------------------------------------
 
 // Remembers the steps of all tiles that were seen, which only hysteresis asks for.
 static void remember(struct scan *scan)
 {
     struct geomipmap_selection *selection = scan->selection;
-    const struct geomipmap_grid *grid = &scan->tiles->grid[0];
     for (int k = 0; k < selection->seen; k++) {
-        const struct geomipmap_pick *pick = &selection->picks[k];
-        int size = 1 << pick->place.height, column = pick->place.column * size, row = pick->place.row * size;
-        for (int j = row; j < row + size && j < grid->rows; j++)
-            for (int i = column; i < column + size && i < grid->columns; i++)
-                selection->last_step[(size_t)j * (size_t)grid->columns + (size_t)i] =
-                    (uint8_t)(pick->place.height + pick->level);
+        struct geomipmap_place at = selection->picks[k].place;
+        int step = at.height + selection->picks[k].level;
+        for (bool own = true; at.height <= scan->tiles->drawn; own = false) {
+            struct geomipmap_memory *memory = recall(selection, at);
+            scan->failed = scan->failed || !memory;
+            if (scan->failed) return;
+            if (own) memory->step = step, memory->when = selection->now;
+            if (!own && (memory->inner_when < selection->now || step < memory->inner)) memory->inner = step;
+            if (!own) memory->inner_when = selection->now;
+            at = (struct geomipmap_place){at.height + 1, at.column / 2, at.row / 2};
+        }
     }
 }
 
-static void forget(struct scan *scan)
+static void begin(struct scan *scan)
 {
     struct geomipmap_selection *selection = scan->selection;
-    const struct geomipmap_cover nothing = {GEOMIPMAP_NOTHING, GEOMIPMAP_NOTHING, 0};
-    for (int i = 0; i < selection->count; i++) set_cover(scan, selection->picks[i].place, nothing);
-    selection->count = selection->seen = selection->listed = selection->late = 0;
+    int from, to;
+    selection->now++;
+    if (geomipmap_cache_begin_frame(&selection->remembered, &from, &to))
+        selection->memory[to] = selection->memory[from];
+    geomipmap_tiles_begin(scan->tiles);
 }
 
-bool geomipmap_select(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles,
+// Makes the tree.  Tiles that it meets for the first time are measured, and it is made again.
+static bool make_tree(struct scan *scan)
+{
+    struct geomipmap_selection *selection = scan->selection;
+    do {
+        selection->nodes[ROOT] = (struct geomipmap_node){.place = {scan->tiles->top, 0, 0}, .kind = IDLE};
+        selection->node_count = 1;
+        selection->late = 0;
+        scan->waiting = false;
+        scan_node(scan, ROOT, FRUSTUM_ALL);
+        divide_coarse_neighbours(scan);
+        if (scan->waiting && !geomipmap_tiles_measure(scan->tiles)) return false;
+    } while (scan->waiting && !scan->failed);
+    return !scan->failed;
+}
+
+bool geomipmap_select(struct geomipmap_selection *selection, struct geomipmap_tiles *tiles,
                       const struct geomipmap_choice *choice, const struct view *view)
 {
-    struct scan scan = {.selection = selection,
-                        .tiles = tiles,
-                        .view = view,
-                        .cull = choice->cull,
-                        .borders = choice->borders,
-                        .hysteresis = choice->hysteresis,
-                        .morph = choice->morph,
-                        .reader = choice->reader,
-                        .last = NONE};
+    struct scan scan = {.selection = selection, .tiles = tiles, .choice = choice, .view = view};
     struct view_origin eye = view_level_origin(view, tiles->finest);
     const int64_t first[2] = {tiles->x0, tiles->y0};
     frustum_init(&scan.frustum, view);
@@ -613,13 +722,10 @@ bool geomipmap_select(struct geomipmap_selection *selection, const struct geomip
         scan.corner_m[axis] = cells * tiles->spacing_m[axis];
         scan.eye_tile[axis] = -scan.corner_m[axis] / scan.tile_m[axis];
     }
-    forget(&scan);
-    const struct geomipmap_grid *top = &tiles->grid[tiles->top];
-    int size = top->columns > top->rows ? top->columns : top->rows;
-    visit_tiles(&scan, (struct geomipmap_place){tiles->top, 0, 0}, size, scan_tile, FRUSTUM_ALL);
-    split_coarse_neighbours(&scan);
-    if (!scan.failed) choose_sets(&scan);
+    begin(&scan);
+    if (!make_tree(&scan)) return false;
+    choose_sets(&scan);
     if (!scan.failed && tiles->filtered) choose_forms(&scan);
-    if (!scan.failed && scan.hysteresis > 0) remember(&scan);
+    if (!scan.failed && choice->hysteresis > 0) remember(&scan);
     return !scan.failed;
 }

@@ -1,15 +1,18 @@
 // What to draw of a view: tiles inside the frustum, their levels and their index sets (Brodersen 2005,
 // sections 4 and 5).  No GL.
 //
-// From the largest tiles down, what the frustum does not meet is dropped (n- and p-vertex test with plane
-// masking).  A tile is drawn where one of its two coarsest levels will do; else the four smaller tiles in
-// its place are looked at.  The smallest are drawn at whatever level they need.  Tiles come front to back.
+// A tree is made anew for each view, from the one tile that covers the map down: what the frustum does not
+// meet is left whole (n- and p-vertex test with plane masking).  A tile is drawn where one of its two
+// coarsest levels will do; else the four smaller tiles in its place are looked at.  The smallest are drawn at
+// whatever level they need.  Tiles come front to back.
 //
 // Two tiles draw the same vertices along the border that they share: those of the finer side; where a
 // merged tile meets several smaller ones, those of the finest of all along that side.  A merged tile has
 // every 2^height-th sample; beside a tile that draws more it is split.  Tiles outside the frustum take part
-// in this, so that what is seen does not depend on culling.  Only GEOMIPMAP_REMOVE, which knows tiles of one
-// size alone (merge 0), draws the vertices of the coarser side instead.
+// in this, so that what is seen does not depend on culling: the largest that may be drawn stand outside the
+// frustum, and where those are small, whole blocks of them that touch nothing that is seen or finer.  Only
+// GEOMIPMAP_REMOVE, which knows tiles of one size alone (merge 0), draws the vertices of the coarser side
+// instead.
 //
 // Of terrain that is read on demand, a tile is drawn at the finest level that is there, and is not divided
 // before its parts are there at their coarsest: until then it counts as late.  Borders and corners, a few
@@ -37,7 +40,6 @@ enum geomipmap_way {           // how a tile may be drawn
 struct geomipmap_pick { // there may be one for every tile of the map: small
     struct geomipmap_place place;
     float depth_m; // of what is seen of its box, the least, or less
-    int next;      // while selecting: the pick after this one
     uint16_t set;  // geomipmap_mesh_set
     uint8_t level;
     bool seen;             // the frustum meets it
@@ -47,6 +49,7 @@ struct geomipmap_pick { // there may be one for every tile of the map: small
         uint8_t level;     // whose vertices it has, counted as the tile's own
         uint8_t morph;     // of that level
     } hem[GEOMIPMAP_SIDES];
+    uint8_t larger[GEOMIPMAP_SIDES]; // height of the larger tile beyond a side, or 0
     uint8_t corner[GEOMIPMAP_SIDES]; // of filtered tiles: geomipmap_form
 };
 
@@ -63,37 +66,53 @@ struct geomipmap_choice { // how to select; the same for all frames
     struct terrain_reader *reader; // NULL: all is in memory
 };
 
-struct geomipmap_cover { // what covers a tile of height 0
-    uint8_t height;
-    uint8_t step; // every 2^step-th sample is drawn; GEOMIPMAP_NOTHING: no pick covers it
-    uint8_t morph;
-};
 enum { GEOMIPMAP_NOTHING = 255, GEOMIPMAP_MORPHED = 255 };
+
+struct geomipmap_node { // of the tree of one view
+    struct geomipmap_place place;
+    int first; // of its four parts, south-west, south-east, north-west, north-east; 0: it has none
+    float depth_m;
+    uint8_t kind, level, morph, way; // of a leaf; kind: of enum in geomipmap_select.c
+    bool seen;
+};
+
+struct geomipmap_corner { // where tiles meet
+    uint64_t name;        // 0: none
+    uint8_t step;         // of the vertex there
+};
+
+struct geomipmap_memory { // of frames before: what was drawn of a tile
+    int step, inner;      // as a tile itself; the finest in tiles within it
+    uint64_t when, inner_when;
+};
 
 struct geomipmap_selection {
     struct geomipmap_pick *picks; // those seen first
     int count, seen;              // of all; of those seen
     int late;                     // tiles that are coarser than they should be
     struct geomipmap_pick *list;  // while selecting
-    int listed, room;
-    struct geomipmap_cover *cover; // by tile of height 0
-    uint8_t *corners;              // of filtered tiles, while selecting: by corner of tiles of height 0, the
-                                   // step of the vertex there
-    uint8_t *last_step;            // by tile of height 0: step when it was last seen, or GEOMIPMAP_NOTHING
+    int room;                     // of both
+    struct geomipmap_node *nodes;
+    int node_count, node_room;
+    struct geomipmap_corner *corners; // of filtered tiles: a hash, 1 << corner_bits
+    int corner_bits;
+    struct geomipmap_cache remembered; // tiles, with hysteresis
+    struct geomipmap_memory *memory;   // by slot of the cache
+    int memory_room;
+    uint64_t now, since; // number of this selection; of the first that this one continues
 };
 
-bool geomipmap_selection_init(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles);
+bool geomipmap_selection_init(struct geomipmap_selection *selection);
 void geomipmap_selection_finish(struct geomipmap_selection *selection); // accepts a zeroed selection
 
-size_t geomipmap_selection_bytes(const struct geomipmap_selection *selection,
-                                 const struct geomipmap_tiles *tiles);
+size_t geomipmap_selection_bytes(const struct geomipmap_selection *selection);
 
 // Forgets the frames so far: what comes next does not continue them.
-void geomipmap_selection_restart(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles);
+void geomipmap_selection_restart(struct geomipmap_selection *selection);
 
-// Replaces the selection by that of a view.  Allocates only when there are more picks than ever before.
-// False after one line on stderr.
-bool geomipmap_select(struct geomipmap_selection *selection, const struct geomipmap_tiles *tiles,
+// Replaces the selection by that of a view, and measures tiles that are looked at for the first time.
+// Allocates only then, and when there are more picks than ever before.  False after one line on stderr.
+bool geomipmap_select(struct geomipmap_selection *selection, struct geomipmap_tiles *tiles,
                       const struct geomipmap_choice *choice, const struct view *view);
 
 #endif

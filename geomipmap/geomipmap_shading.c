@@ -20,13 +20,23 @@ static double now_ms(void)
 
 // ---- life ---------------------------------------------------------------------------------------
 
+// The finest level that is not too large for a light map in memory.
+static int light_level(const struct terrain *terrain)
+{
+    for (int n = terrain_info(terrain)->finest; n < terrain_info(terrain)->coarsest; n++) {
+        struct terrain_extent e = terrain_level(terrain, n).extent;
+        if ((e.x1 - e.x0) * (e.y1 - e.y0) <= MOST_LIGHT_SAMPLES) return n;
+    }
+    return terrain_info(terrain)->coarsest;
+}
+
 static void cut_blocks(struct geomipmap_shading *shading, const struct geomipmap_tiles *tiles,
                        const struct geomipmap_colour *colour, int most_px)
 {
     const struct geomipmap_grid *grid = &tiles->grid[0];
-    double pixels_a_tile = 1 << tiles->bits; // of the light map
+    double pixels_a_tile = ldexp(1, tiles->bits - (light_level(tiles->terrain) - tiles->finest));
     if (colour->pixels) pixels_a_tile = fmax(pixels_a_tile, (double)colour->width / grid->columns);
-    int height = tiles->top;
+    int height = tiles->merge;
     while (2 * pixels_a_tile * (1 << height) + 3 <= most_px && 1 << height < grid->columns) height++;
     shading->block_height = height;
     shading->blocks = (struct geomipmap_blocks){.columns = ((grid->columns - 1) >> height) + 1,
@@ -37,31 +47,13 @@ static void cut_blocks(struct geomipmap_shading *shading, const struct geomipmap
     }
 }
 
-// Lowest and highest sample of each block, from the largest tiles in it.
+// Lowest and highest sample of each block.
 static void range_blocks(struct geomipmap_shading *shading, const struct geomipmap_tiles *tiles)
 {
-    const struct geomipmap_grid *grid = &tiles->grid[tiles->top];
-    int shift = shading->block_height - tiles->top;
     for (int b = 0; b < shading->blocks.columns * shading->blocks.rows; b++)
-        shading->ranges[b] = (struct geomipmap_range){INT32_MAX, INT32_MIN};
-    for (int row = 0; row < grid->rows; row++)
-        for (int column = 0; column < grid->columns; column++) {
-            struct geomipmap_range tile = grid->range[(size_t)row * (size_t)grid->columns + (size_t)column];
-            struct geomipmap_range *block =
-                &shading->ranges[(row >> shift) * shading->blocks.columns + (column >> shift)];
-            if (tile.low < block->low) block->low = tile.low;
-            if (tile.high > block->high) block->high = tile.high;
-        }
-}
-
-// The finest level that is not too large for a light map in memory.
-static int light_level(const struct terrain *terrain)
-{
-    for (int n = terrain_info(terrain)->finest; n < terrain_info(terrain)->coarsest; n++) {
-        struct terrain_extent e = terrain_level(terrain, n).extent;
-        if ((e.x1 - e.x0) * (e.y1 - e.y0) <= MOST_LIGHT_SAMPLES) return n;
-    }
-    return terrain_info(terrain)->coarsest;
+        shading->ranges[b] = geomipmap_tiles_bounds(
+            tiles, (struct geomipmap_place){shading->block_height, b % shading->blocks.columns,
+                                            b / shading->blocks.columns});
 }
 
 // Makes the light map.  Its pixels stand on samples, so that it reaches half a pixel beyond them.

@@ -8,16 +8,18 @@
 #include <stdatomic.h>
 #include <stdlib.h>
 
-enum { MAX_TILES = 1 << 26 }; // of height 0
+enum {
+    MAX_SIDE = 1 << 27,   // tiles of height 0 along a side: a name has 28 bits for each
+    MAX_LISTED = 1 << 26, // tiles of height 0 where none may be drawn above `merge`
+    KEPT_GROUPS = 1 << 16,
+    ACROSS = GEOMIPMAP_GROUP_ACROSS,
+    UP = GEOMIPMAP_GROUP_UP,
+    CORNERS = 4
+};
 
 static int64_t tiles_along(int64_t samples, int cells)
 {
     return samples <= 2 ? 1 : (samples - 1 + cells - 1) / cells;
-}
-
-static size_t grid_size(const struct geomipmap_grid *grid)
-{
-    return (size_t)grid->columns * (size_t)grid->rows;
 }
 
 static struct geomipmap_range join(struct geomipmap_range a, struct geomipmap_range b)
@@ -74,37 +76,40 @@ static void read_step(const struct geomipmap_tiles *tiles, struct terrain_reader
 
 // ---- measuring ----------------------------------------------------------------------------------
 
-struct job { // one row of the largest tiles, with all smaller ones in it, a block of work: samples are read
-             // once
-    struct geomipmap_tiles *tiles;
-    struct geomipmap_plan plans[GEOMIPMAP_MAX_HEIGHTS]; // by height, those that may be drawn
-    enum geomipmap_delta delta;
-    atomic_bool failed;
-};
-
-struct strip { // heights of GEOMIPMAP_LANES tiles side by side
+struct strip { // heights of a group of tiles
     int bits, height;
     int32_t *window;                      // of the finest level
     int32_t *level[GEOMIPMAP_MAX_LEVELS]; // of filtered tiles: what each of their levels draws
+    int32_t *finer;                       // and one level at a time of those below
     double *lanes, *drawn, *low, *high;   // struct geomipmap_heights
-    double corner_low[4 * GEOMIPMAP_LANES], corner_high[4 * GEOMIPMAP_LANES]; // likewise, quanta
+    double corner_low[CORNERS * GEOMIPMAP_LANES], corner_high[CORNERS * GEOMIPMAP_LANES]; // likewise, quanta
+    struct geomipmap_range range[GEOMIPMAP_LANES];
     int64_t x, y; // its corner among the tiles' samples
 };
 
-static bool strip_init(struct strip *strip, const struct geomipmap_plan *plan, bool filtered)
+static size_t window_size(size_t cells)
 {
-    *strip = (struct strip){.bits = plan->bits, .height = plan->height};
-    size_t cells = (size_t)1 << (plan->bits + plan->height), row = cells + 1;
-    size_t width = GEOMIPMAP_LANES * cells + 1, lanes = row * row * GEOMIPMAP_LANES, vertices = 0;
-    size_t levels = geomipmap_level_first(plan->bits, plan->bits) * GEOMIPMAP_LANES;
-    strip->window = malloc((width * row + (filtered ? levels : 0)) * sizeof *strip->window);
-    strip->lanes = malloc((lanes + (filtered ? levels + 2 * lanes : 0)) * sizeof *strip->lanes);
+    return (ACROSS * cells + 1) * (UP * cells + 1);
+}
+
+static bool strip_init(struct strip *strip, const struct geomipmap_tiles *tiles, int height)
+{
+    *strip = (struct strip){.bits = tiles->bits, .height = height};
+    size_t cells = (size_t)1 << (tiles->bits + height), lanes = (cells + 1) * (cells + 1) * GEOMIPMAP_LANES;
+    size_t levels = geomipmap_level_first(tiles->bits, tiles->bits) * GEOMIPMAP_LANES;
+    size_t samples = window_size(cells), extra = tiles->filtered ? levels + 2 * lanes : 0;
+    for (int level = 0; level < tiles->bits && tiles->filtered; level++)
+        samples += window_size((size_t)1 << (tiles->bits - level));
+    if (tiles->filtered) samples += window_size(cells / 2);
+    strip->window = malloc(samples * sizeof *strip->window);
+    strip->lanes = malloc((lanes + extra) * sizeof *strip->lanes);
     if (!strip->window || !strip->lanes) return false;
-    for (int level = 0; level < plan->bits && filtered; level++) {
-        size_t across = (size_t)1 << (plan->bits - level);
-        strip->level[level] = strip->window + width * row + vertices;
-        vertices += (GEOMIPMAP_LANES * across + 1) * (across + 1);
+    int32_t *next = strip->window + window_size(cells);
+    for (int level = 0; level < tiles->bits && tiles->filtered; level++) {
+        strip->level[level] = next;
+        next += window_size((size_t)1 << (tiles->bits - level));
     }
+    strip->finer = next;
     strip->drawn = strip->lanes + lanes;
     strip->low = strip->drawn + levels;
     strip->high = strip->low + lanes;
@@ -117,68 +122,80 @@ static void strip_finish(struct strip *strip)
     free(strip->lanes);
 }
 
-// Samples that stand at the corners of the tiles, from the finest level up to those that the tiles draw.
-static void read_corners(struct strip *strip, const struct geomipmap_tiles *tiles)
+// The first sample of one lane's tile in a window whose tiles have `cells` cells a side.
+static const int32_t *lane_window(const int32_t *window, int cells, int lane)
 {
-    int cells = 1 << (strip->bits + strip->height);
-    for (int n = 0; n < 4 * GEOMIPMAP_LANES; n++)
-        strip->corner_low[n] = INFINITY, strip->corner_high[n] = -INFINITY;
-    for (int step = 0; step < strip->height; step++)
-        for (int n = 0; n < 4 * GEOMIPMAP_LANES; n++) {
-            int lane = n % GEOMIPMAP_LANES, east = n / GEOMIPMAP_LANES % 2, north = n / GEOMIPMAP_LANES / 2;
-            int32_t q;
-            read_step(tiles, NULL, step, strip->x + (int64_t)(lane + east) * cells, strip->y + north * cells,
-                      1, 1, &q);
-            strip->corner_low[n] = fmin(strip->corner_low[n], q);
-            strip->corner_high[n] = fmax(strip->corner_high[n], q);
-        }
+    return window + (size_t)(lane / ACROSS * cells) * (size_t)(ACROSS * cells + 1) + lane % ACROSS * cells;
 }
 
-static void strip_read(struct strip *strip, const struct geomipmap_tiles *tiles, int row, int column)
-{
-    int cells = 1 << (strip->bits + strip->height);
-    strip->x = (int64_t)column * cells;
-    strip->y = (int64_t)row * cells;
-    terrain_window(tiles->terrain, tiles->finest, tiles->x0 + strip->x, tiles->y0 + strip->y,
-                   GEOMIPMAP_LANES * cells + 1, cells + 1, strip->window, TERRAIN_WAIT);
-    for (int level = 0; level < strip->bits && tiles->filtered; level++) {
-        int across = 1 << (strip->bits - level);
-        read_step(tiles, NULL, strip->height + level, strip->x, strip->y, GEOMIPMAP_LANES * across + 1,
-                  across + 1, strip->level[level]);
-    }
-    if (tiles->filtered) read_corners(strip, tiles);
-}
-
-// Takes the corners into the range of a lane, and counts them from its lowest.
-static void set_base(struct strip *strip, int lane, struct geomipmap_range *range)
-{
-    for (int n = lane; n < 4 * GEOMIPMAP_LANES && strip->height > 0; n += GEOMIPMAP_LANES)
-        *range = join(
-            *range, (struct geomipmap_range){(int32_t)strip->corner_low[n], (int32_t)strip->corner_high[n]});
-    for (int n = lane; n < 4 * GEOMIPMAP_LANES; n += GEOMIPMAP_LANES)
-        strip->corner_low[n] -= range->low, strip->corner_high[n] -= range->low;
-}
-
-// `row` x `row` samples of one lane's tile in a window.
-static struct geomipmap_range lane_range(const int32_t *window, int row, int lane)
+static struct geomipmap_range lane_range(const int32_t *window, int cells, int lane)
 {
     struct geomipmap_range range = {INT32_MAX, INT32_MIN};
-    int cells = row - 1, width = GEOMIPMAP_LANES * cells + 1;
-    for (int j = 0; j < row; j++) {
-        const int32_t *line = window + (size_t)j * (size_t)width + lane * cells;
-        for (int i = 0; i < row; i++) range = join(range, (struct geomipmap_range){line[i], line[i]});
-    }
+    const int32_t *line = lane_window(window, cells, lane);
+    for (int j = 0; j <= cells; j++, line += ACROSS * cells + 1)
+        for (int i = 0; i <= cells; i++) range = join(range, (struct geomipmap_range){line[i], line[i]});
     return range;
 }
 
-static void fill_lane(const int32_t *window, int row, int lane, int32_t base, double *lanes)
+// Takes every sample of a window into the ranges.
+static void join_ranges(struct strip *strip, const int32_t *window, int cells)
 {
-    int cells = row - 1, width = GEOMIPMAP_LANES * cells + 1;
-    for (int j = 0; j < row; j++) {
-        const int32_t *line = window + (size_t)j * (size_t)width + lane * cells;
-        double *out = lanes + (size_t)j * (size_t)row * GEOMIPMAP_LANES + lane;
-        for (int i = 0; i < row; i++) out[i * GEOMIPMAP_LANES] = (double)line[i] - base;
+    for (int lane = 0; lane < GEOMIPMAP_LANES; lane++)
+        strip->range[lane] = join(strip->range[lane], lane_range(window, cells, lane));
+}
+
+static void widen_corners(struct strip *strip, const int32_t *window, int cells)
+{
+    for (int n = 0; n < CORNERS * GEOMIPMAP_LANES; n++) {
+        int corner = n / GEOMIPMAP_LANES, far = corner / 2 * cells;
+        int32_t q =
+            lane_window(window, cells, n % GEOMIPMAP_LANES)[far * (ACROSS * cells + 1) + corner % 2 * cells];
+        strip->corner_low[n] = fmin(strip->corner_low[n], q);
+        strip->corner_high[n] = fmax(strip->corner_high[n], q);
     }
+}
+
+static void read_group(const struct geomipmap_tiles *tiles, const struct strip *strip, int step, int32_t *out)
+{
+    int cells = 1 << (strip->bits + strip->height - step);
+    read_step(tiles, NULL, step, strip->x, strip->y, ACROSS * cells + 1, UP * cells + 1, out);
+}
+
+// Levels finer than those that the tiles draw, from the finest up: only corners may have them, but smaller
+// tiles in the same place draw them, too.
+static void read_finer(struct strip *strip, const struct geomipmap_tiles *tiles)
+{
+    for (int n = 0; n < CORNERS * GEOMIPMAP_LANES; n++)
+        strip->corner_low[n] = INFINITY, strip->corner_high[n] = -INFINITY;
+    for (int step = 0; step < strip->height; step++) {
+        int cells = 1 << (strip->bits + strip->height - step);
+        if (step > 0) read_group(tiles, strip, step, strip->finer);
+        if (step > 0) join_ranges(strip, strip->finer, cells);
+        widen_corners(strip, step > 0 ? strip->finer : strip->window, cells);
+    }
+}
+
+static void strip_read(struct strip *strip, const struct geomipmap_tiles *tiles)
+{
+    int cells = 1 << (strip->bits + strip->height);
+    for (int lane = 0; lane < GEOMIPMAP_LANES; lane++)
+        strip->range[lane] = (struct geomipmap_range){INT32_MAX, INT32_MIN};
+    terrain_window(tiles->terrain, tiles->finest, tiles->x0 + strip->x, tiles->y0 + strip->y,
+                   ACROSS * cells + 1, UP * cells + 1, strip->window, TERRAIN_WAIT);
+    join_ranges(strip, strip->window, cells);
+    for (int level = 0; level < strip->bits && tiles->filtered; level++) {
+        read_group(tiles, strip, strip->height + level, strip->level[level]);
+        join_ranges(strip, strip->level[level], 1 << (strip->bits - level));
+    }
+    if (tiles->filtered) read_finer(strip, tiles);
+}
+
+static void fill_lane(const int32_t *window, int cells, int lane, int32_t base, double *lanes)
+{
+    const int32_t *line = lane_window(window, cells, lane);
+    double *out = lanes + lane;
+    for (int j = 0; j <= cells; j++, line += ACROSS * cells + 1)
+        for (int i = 0; i <= cells; i++, out += GEOMIPMAP_LANES) *out = (double)line[i] - base;
 }
 
 // Samples outside the map are no ground.
@@ -186,7 +203,8 @@ static void leave_out_beyond(const struct strip *strip, const struct geomipmap_t
 {
     struct terrain_extent e = terrain_level(tiles->terrain, tiles->finest).extent;
     int cells = 1 << (strip->bits + strip->height), row = cells + 1;
-    int64_t x = tiles->x0 + strip->x + (int64_t)lane * cells, y = tiles->y0 + strip->y;
+    int64_t x = tiles->x0 + strip->x + (int64_t)(lane % ACROSS) * cells;
+    int64_t y = tiles->y0 + strip->y + (int64_t)(lane / ACROSS) * cells;
     if (x >= e.x0 && y >= e.y0 && x + cells < e.x1 && y + cells < e.y1) return;
     for (int j = 0; j < row; j++)
         for (int i = 0; i < row; i++)
@@ -194,119 +212,243 @@ static void leave_out_beyond(const struct strip *strip, const struct geomipmap_t
                 strip->lanes[((size_t)j * (size_t)row + (size_t)i) * GEOMIPMAP_LANES + (size_t)lane] = NAN;
 }
 
-static struct geomipmap_range strip_lane(struct strip *strip, const struct geomipmap_tiles *tiles, int lane)
+static void strip_lane(struct strip *strip, const struct geomipmap_tiles *tiles, int lane)
 {
-    int row = (1 << (strip->bits + strip->height)) + 1;
-    struct geomipmap_range range = lane_range(strip->window, row, lane);
+    int32_t base = strip->range[lane].low;
+    for (int n = lane; n < CORNERS * GEOMIPMAP_LANES && tiles->filtered; n += GEOMIPMAP_LANES)
+        strip->corner_low[n] -= base, strip->corner_high[n] -= base;
+    fill_lane(strip->window, 1 << (strip->bits + strip->height), lane, base, strip->lanes);
     for (int level = 0; level < strip->bits && tiles->filtered; level++)
-        range = join(range, lane_range(strip->level[level], (1 << (strip->bits - level)) + 1, lane));
-    if (tiles->filtered) set_base(strip, lane, &range);
-    fill_lane(strip->window, row, lane, range.low, strip->lanes);
-    for (int level = 0; level < strip->bits && tiles->filtered; level++)
-        fill_lane(strip->level[level], (1 << (strip->bits - level)) + 1, lane, range.low,
+        fill_lane(strip->level[level], 1 << (strip->bits - level), lane, base,
                   strip->drawn + geomipmap_level_first(strip->bits, level) * GEOMIPMAP_LANES);
     if (tiles->filtered) leave_out_beyond(strip, tiles, lane);
-    return range;
 }
 
-static void measure_strip(const struct job *job, int height, struct strip *strip, int row, int column)
+static void measure_group(const struct geomipmap_tiles *tiles, struct strip *strip, int column, int row,
+                          struct geomipmap_facts *facts)
 {
-    struct geomipmap_tiles *tiles = job->tiles;
-    struct geomipmap_grid *grid = &tiles->grid[height];
-    int count = grid->columns - column;
-    float error[GEOMIPMAP_LANES][GEOMIPMAP_MAX_LEVELS];
     double spans[GEOMIPMAP_LANES];
-    struct geomipmap_range range[GEOMIPMAP_LANES];
     const struct geomipmap_heights heights = {strip->lanes,      tiles->filtered ? strip->drawn : NULL,
                                               strip->corner_low, strip->corner_high,
                                               strip->low,        strip->high};
-    strip_read(strip, tiles, row, column);
+    strip->x = (int64_t)column << (strip->bits + strip->height);
+    strip->y = (int64_t)row << (strip->bits + strip->height);
+    strip_read(strip, tiles);
     for (int lane = 0; lane < GEOMIPMAP_LANES; lane++) {
-        range[lane] = strip_lane(strip, tiles, lane);
-        spans[lane] = (double)range[lane].high - range[lane].low;
+        strip_lane(strip, tiles, lane);
+        facts->range[lane] = strip->range[lane];
+        spans[lane] = (double)strip->range[lane].high - strip->range[lane].low;
     }
-    geomipmap_plan_measure(&job->plans[height], job->delta, &heights, spans, error);
-    for (int lane = 0; lane < GEOMIPMAP_LANES && lane < count; lane++) {
-        size_t tile = (size_t)row * (size_t)grid->columns + (size_t)(column + lane);
-        grid->range[tile] = range[lane];
-        for (int level = 0; level < tiles->levels; level++)
-            grid->error[tile * (size_t)tiles->levels + (size_t)level] = error[lane][level];
-    }
+    geomipmap_plan_measure(&tiles->plans[strip->height], tiles->delta, &heights, spans, facts->error);
+    facts->known = UINT8_MAX;
 }
 
-static bool measure_rows(const struct job *job, int height, int first, int end)
-{
-    const struct geomipmap_grid *grid = &job->tiles->grid[height];
-    struct strip strip;
-    bool good = strip_init(&strip, &job->plans[height], job->tiles->filtered);
-    for (int row = first; good && row < end && row < grid->rows; row++)
-        for (int column = 0; column < grid->columns; column += GEOMIPMAP_LANES)
-            measure_strip(job, height, &strip, row, column);
-    strip_finish(&strip);
-    return good;
-}
+struct job {
+    struct geomipmap_tiles *tiles;
+    int blocks;
+    atomic_bool failed;
+};
 
-static void measure_band(int band, void *user)
+// Every blocks-th of the groups asked for, height by height.
+static void measure_block(int block, void *user)
 {
     struct job *job = user;
-    int merge = job->tiles->merge;
-    for (int height = 0; height <= merge; height++)
-        if (!measure_rows(job, height, band << (merge - height), (band + 1) << (merge - height)))
-            atomic_store(&job->failed, true);
-}
-
-static bool measure(struct geomipmap_tiles *tiles, enum geomipmap_delta delta, int threads)
-{
-    struct job job = {.tiles = tiles, .delta = delta};
-    bool good = true;
-    for (int height = 0; height <= tiles->merge && good; height++)
-        good = geomipmap_plan_init(&job.plans[height], tiles->bits, height);
-    if (good) parallel_blocks(tiles->grid[tiles->merge].rows, threads, measure_band, &job);
-    for (int height = 0; height <= tiles->merge; height++) {
-        const struct geomipmap_grid *grid = &tiles->grid[height];
-        geomipmap_plan_finish(&job.plans[height]);
-        for (size_t tile = 0; tile < grid_size(grid) && good; tile++)
-            if ((int64_t)grid->range[tile].high - grid->range[tile].low > UINT16_MAX) tiles->wide = true;
-    }
-    return good && (!atomic_load(&job.failed) || fail("geomipmap: no memory to measure a row of tiles"));
-}
-
-// Ranges of tiles that are only culled, from those one height below.
-static void join_height(struct geomipmap_tiles *tiles, int height)
-{
-    const struct geomipmap_grid *below = &tiles->grid[height - 1];
-    struct geomipmap_grid *grid = &tiles->grid[height];
-    for (size_t tile = 0; tile < grid_size(grid); tile++)
-        grid->range[tile] = (struct geomipmap_range){INT32_MAX, INT32_MIN};
-    for (int row = 0; row < below->rows; row++)
-        for (int column = 0; column < below->columns; column++) {
-            struct geomipmap_range *joined = &grid->range[(row / 2) * grid->columns + column / 2];
-            *joined = join(*joined, below->range[row * below->columns + column]);
+    struct geomipmap_tiles *tiles = job->tiles;
+    struct strip strip = {0};
+    strip.height = -1;
+    for (int i = block; i < tiles->asked_count && !atomic_load(&job->failed); i += job->blocks) {
+        int slot = tiles->asked[i];
+        uint64_t name = tiles->groups.slots[slot].tile;
+        int height = (int)(name >> 56), row = (int)(name >> 28 & 0xfffffff), column = (int)(name & 0xfffffff);
+        if (strip.height != height) {
+            strip_finish(&strip);
+            if (!strip_init(&strip, tiles, height)) {
+                atomic_store(&job->failed, true);
+                break;
+            }
         }
+        measure_group(tiles, &strip, column * ACROSS, row * UP, &tiles->facts[slot]);
+    }
+    strip_finish(&strip);
+}
+
+bool geomipmap_tiles_measure(struct geomipmap_tiles *tiles)
+{
+    struct job job = {.tiles = tiles, .blocks = tiles->threads > 0 ? tiles->threads : parallel_processors()};
+    if (job.blocks > tiles->asked_count) job.blocks = tiles->asked_count;
+    parallel_blocks(job.blocks, job.blocks, measure_block, &job);
+    tiles->asked_count = 0;
+    return (!tiles->failed && !atomic_load(&job.failed)) || fail("geomipmap: no memory to measure tiles");
+}
+
+// ---- bounds -------------------------------------------------------------------------------------
+
+struct geomipmap_range geomipmap_tiles_bounds(const struct geomipmap_tiles *tiles,
+                                              struct geomipmap_place place)
+{
+    int shift = tiles->bits + place.height, last = level_of_step(tiles, shift - 1);
+    int64_t x = tiles->x0 + ((int64_t)place.column << shift), y = tiles->y0 + ((int64_t)place.row << shift);
+    int64_t size = (int64_t)1 << shift;
+    struct geomipmap_range range = {INT32_MAX, INT32_MIN};
+    for (int up = 0; up <= last; up++) {
+        struct geomipmap_range level;
+        terrain_bounds(tiles->terrain, tiles->finest + up, x >> up, y >> up, (x + size) >> up,
+                       (y + size) >> up, &level.low, &level.high);
+        range = join(range, level);
+    }
+    return range;
+}
+
+// e_j in quanta over a rectangle of the finest level's samples, both ends included.
+static double level_error(const struct geomipmap_tiles *tiles, int up, const int64_t from[2],
+                          const int64_t to[2])
+{
+    return terrain_error(tiles->terrain, tiles->finest + up, from[0] >> up, from[1] >> up, to[0] >> up,
+                         to[1] >> up) /
+           tiles->quantum_m;
+}
+
+// Largest error of the levels up to `end` that a tile's corners may have.
+static double corner_error(const struct geomipmap_tiles *tiles, int end, const int64_t from[2],
+                           const int64_t to[2])
+{
+    double most = 0;
+    for (int up = 0; up < end; up++)
+        for (int corner = 0; corner < CORNERS; corner++) {
+            const int64_t at[2] = {corner & 1 ? to[0] : from[0], corner & 2 ? to[1] : from[1]};
+            most = fmax(most, level_error(tiles, up, at, at));
+        }
+    return most;
+}
+
+// Mean distance of a level from the finest near a tile: that of the whole level, less where the level's error
+// is less.
+static double mean_error(const struct geomipmap_tiles *tiles, int up, double error_q)
+{
+    struct terrain_level level = terrain_level(tiles->terrain, tiles->finest + up);
+    double most_q = level.max_error_m / tiles->quantum_m;
+    return most_q > 0 ? level.rms_error_m / tiles->quantum_m * fmin(error_q / most_q, 1) : 0;
+}
+
+// The errors of a tile that is not measured (see the header).
+static void bound_errors(const struct geomipmap_tiles *tiles, struct geomipmap_place place, float *errors)
+{
+    int shift = tiles->bits + place.height;
+    const int64_t from[2] = {tiles->x0 + ((int64_t)place.column << shift),
+                             tiles->y0 + ((int64_t)place.row << shift)};
+    const int64_t to[2] = {from[0] + ((int64_t)1 << shift), from[1] + ((int64_t)1 << shift)};
+    bool saving = tiles->delta == GEOMIPMAP_SAVING, stable = tiles->delta == GEOMIPMAP_STABLE;
+    double finer = stable ? corner_error(tiles, place.height, from, to) : 0, mean = 0;
+    if (saving) mean = mean_error(tiles, place.height - 1, level_error(tiles, place.height - 1, from, to));
+    for (int level = 0; level < tiles->levels; level++) {
+        int up = place.height + level;
+        errors[level] = INFINITY;
+        if (level_of_step(tiles, up) != up) continue;
+        double error = level_error(tiles, up, from, to), coarser = saving ? mean_error(tiles, up, error) : 0;
+        double bound = saving ? ldexp(coarser - mean, 2 * up) : stable ? 2 * error + finer : error;
+        errors[level] = nextafterf((float)(bound * (1 + 0x1p-40)), INFINITY);
+        finer = fmax(finer, error);
+        mean = coarser;
+    }
+}
+
+// ---- what is known ------------------------------------------------------------------------------
+
+static bool reserve(struct geomipmap_tiles *tiles)
+{
+    if (tiles->room >= tiles->groups.slot_room) return true;
+    size_t room = (size_t)tiles->groups.slot_room;
+    struct geomipmap_facts *facts = realloc(tiles->facts, room * sizeof *facts);
+    if (facts) tiles->facts = facts;
+    int *asked = realloc(tiles->asked, room * sizeof *asked);
+    if (asked) tiles->asked = asked;
+    if (!facts || !asked) return false;
+    tiles->room = (int)room;
+    return true;
+}
+
+void geomipmap_tiles_begin(struct geomipmap_tiles *tiles)
+{
+    int from, to;
+    if (geomipmap_cache_begin_frame(&tiles->groups, &from, &to)) tiles->facts[to] = tiles->facts[from];
+}
+
+bool geomipmap_tiles_know(struct geomipmap_tiles *tiles, struct geomipmap_place place,
+                          struct geomipmap_range *range, const float **error)
+{
+    const struct geomipmap_place group = {place.height, place.column / ACROSS, place.row / UP};
+    int lane = place.row % UP * ACROSS + place.column % ACROSS, slot;
+    enum geomipmap_found found = geomipmap_cache_find(&tiles->groups, geomipmap_tiles_name(group), &slot);
+    if (found == GEOMIPMAP_FULL || !reserve(tiles)) {
+        tiles->failed = true;
+        return false;
+    }
+    struct geomipmap_facts *facts = &tiles->facts[slot];
+    if (found == GEOMIPMAP_MISS) facts->known = 0;
+    if (found == GEOMIPMAP_MISS && place.height <= tiles->merge) tiles->asked[tiles->asked_count++] = slot;
+    if (!(facts->known >> lane & 1) && place.height > tiles->merge) {
+        facts->range[lane] = geomipmap_tiles_bounds(tiles, place);
+        if (place.height <= tiles->drawn) bound_errors(tiles, place, facts->error[lane]);
+        facts->known |= (uint8_t)(1 << lane);
+    }
+    *range = facts->range[lane];
+    *error = facts->error[lane];
+    return facts->known >> lane & 1;
 }
 
 // ---- the whole ----------------------------------------------------------------------------------
 
-static bool allocate(struct geomipmap_tiles *tiles, int64_t columns, int64_t rows)
+// Sets the corner, the tiles along both axes and the greatest height, one tile of which covers the map.
+static void lay_out(struct geomipmap_tiles *tiles, bool all_heights)
 {
-    if (columns > MAX_TILES || rows > MAX_TILES || columns * rows > MAX_TILES)
-        return fail("geomipmap: %lld x %lld tiles of %d x %d samples; %d tiles are accepted",
-                    (long long)columns, (long long)rows, (1 << tiles->bits) + 1, (1 << tiles->bits) + 1,
-                    MAX_TILES);
-    for (int height = 0; height <= tiles->top; height++) {
-        struct geomipmap_grid *grid = &tiles->grid[height];
-        grid->columns = (int)((columns + (1 << height) - 1) >> height);
-        grid->rows = (int)((rows + (1 << height) - 1) >> height);
-        grid->first = tiles->drawable;
-        size_t count = grid_size(grid);
-        grid->range = malloc(count * sizeof *grid->range);
-        if (!grid->range) return fail("geomipmap: no memory for %zu tiles", count);
-        if (height > tiles->merge) continue;
-        tiles->drawable += (int)count;
-        grid->error = malloc(count * (size_t)tiles->levels * sizeof *grid->error);
-        if (!grid->error) return fail("geomipmap: no memory for the errors of %zu tiles", count);
+    struct terrain_extent e = terrain_level(tiles->terrain, tiles->finest).extent;
+    int64_t columns, rows;
+    tiles->top = tiles->merge;
+    for (;; tiles->top++) {
+        tiles->drawn = all_heights ? tiles->top : tiles->merge;
+        // The coarsest level that is drawn must have its samples at vertices.
+        int coarsest = tiles->filtered ? tiles->drawn + tiles->bits - 1 : 0;
+        tiles->x0 = e.x0 >> coarsest << coarsest;
+        tiles->y0 = e.y0 >> coarsest << coarsest;
+        columns = tiles_along(e.x1 - tiles->x0, 1 << tiles->bits);
+        rows = tiles_along(e.y1 - tiles->y0, 1 << tiles->bits);
+        int64_t size = (int64_t)1 << tiles->top;
+        if ((columns <= size && rows <= size) || tiles->top == GEOMIPMAP_MAX_HEIGHTS - 1) break;
     }
+    for (int height = 0; height <= tiles->top; height++) {
+        tiles->grid[height].columns = (int)((columns + ((int64_t)1 << height) - 1) >> height);
+        tiles->grid[height].rows = (int)((rows + ((int64_t)1 << height) - 1) >> height);
+    }
+}
+
+static bool check_size(const struct geomipmap_tiles *tiles)
+{
+    struct terrain_extent e = terrain_level(tiles->terrain, tiles->finest).extent;
+    int64_t columns = tiles_along(e.x1 - tiles->x0, 1 << tiles->bits);
+    int64_t rows = tiles_along(e.y1 - tiles->y0, 1 << tiles->bits);
+    if (columns > MAX_SIDE || rows > MAX_SIDE)
+        return fail("geomipmap: %lld x %lld tiles of %d x %d samples; %d along a side are accepted",
+                    (long long)columns, (long long)rows, (1 << tiles->bits) + 1, (1 << tiles->bits) + 1,
+                    MAX_SIDE);
+    if (tiles->drawn < tiles->top && columns * rows > MAX_LISTED)
+        return fail("geomipmap: %lld x %lld tiles of %d x %d samples; %d are accepted, and any number from a "
+                    ".relief file with heights=levels",
+                    (long long)columns, (long long)rows, (1 << tiles->bits) + 1, (1 << tiles->bits) + 1,
+                    MAX_LISTED);
     return true;
+}
+
+// Whether a tile may span more than 16 bits hold: by the bounds of those that may be drawn.
+static bool any_wide(const struct geomipmap_tiles *tiles)
+{
+    const struct geomipmap_grid *grid = &tiles->grid[tiles->drawn];
+    for (int row = 0; row < grid->rows; row++)
+        for (int column = 0; column < grid->columns; column++) {
+            struct geomipmap_range range =
+                geomipmap_tiles_bounds(tiles, (struct geomipmap_place){tiles->drawn, column, row});
+            if ((int64_t)range.high - range.low > UINT16_MAX) return true;
+        }
+    return false;
 }
 
 bool geomipmap_tiles_init(struct geomipmap_tiles *tiles, const struct terrain *terrain, int bits, int merge,
@@ -314,63 +456,40 @@ bool geomipmap_tiles_init(struct geomipmap_tiles *tiles, const struct terrain *t
 {
     const struct terrain_info *info = terrain_info(terrain);
     struct terrain_level level = terrain_level(terrain, info->finest);
-    int coarsest = filtered ? merge + bits - 1 : 0; // step whose level must have its samples at vertices
+    size_t stride;
     *tiles = (struct geomipmap_tiles){
         .terrain = terrain,
         .bits = bits,
         .levels = bits,
         .merge = merge,
-        // Merged tiles are few enough to be their own map blocks.
-        .top = merge > 0 ? merge : GEOMIPMAP_BLOCK_HEIGHT,
         .finest = info->finest,
         .filtered = filtered,
-        .x0 = level.extent.x0 >> coarsest << coarsest,
-        .y0 = level.extent.y0 >> coarsest << coarsest,
         .spacing_m = {level.spacing_m[0], level.spacing_m[1]},
         .quantum_m = info->quantum_m,
         .offset_m = info->offset_m,
+        .delta = delta,
+        .threads = threads,
     };
-    bool good = allocate(tiles, tiles_along(level.extent.x1 - tiles->x0, 1 << bits),
-                         tiles_along(level.extent.y1 - tiles->y0, 1 << bits));
-    good = good && measure(tiles, delta, threads);
-    for (int height = merge + 1; height <= tiles->top && good; height++) join_height(tiles, height);
+    lay_out(tiles, filtered && !terrain_samples(terrain, info->finest, &stride));
+    bool good = check_size(tiles) && geomipmap_cache_init(&tiles->groups, 0, KEPT_GROUPS);
+    for (int height = 0; height <= merge && good; height++)
+        good = geomipmap_plan_init(&tiles->plans[height], bits, height);
+    if (good) tiles->wide = any_wide(tiles);
     if (!good) geomipmap_tiles_finish(tiles);
     return good;
 }
 
 void geomipmap_tiles_finish(struct geomipmap_tiles *tiles)
 {
-    for (int height = 0; height < GEOMIPMAP_MAX_HEIGHTS; height++) {
-        free(tiles->grid[height].range);
-        free(tiles->grid[height].error);
-    }
+    for (int height = 0; height <= GEOMIPMAP_MAX_MERGE; height++)
+        geomipmap_plan_finish(&tiles->plans[height]);
+    geomipmap_cache_finish(&tiles->groups);
+    free(tiles->facts);
+    free(tiles->asked);
     *tiles = (struct geomipmap_tiles){0};
 }
 
-struct geomipmap_place geomipmap_tiles_place(const struct geomipmap_tiles *tiles, int tile)
-{
-    int height = 0;
-    while (height < tiles->merge && tile >= tiles->grid[height + 1].first) height++;
-    const struct geomipmap_grid *grid = &tiles->grid[height];
-    int index = tile - grid->first;
-    return (struct geomipmap_place){height, index % grid->columns, index / grid->columns};
-}
-
-static size_t index_of(const struct geomipmap_tiles *tiles, struct geomipmap_place place)
-{
-    return (size_t)place.row * (size_t)tiles->grid[place.height].columns + (size_t)place.column;
-}
-
-struct geomipmap_range geomipmap_tiles_range(const struct geomipmap_tiles *tiles,
-                                             struct geomipmap_place place)
-{
-    return tiles->grid[place.height].range[index_of(tiles, place)];
-}
-
-const float *geomipmap_tiles_error(const struct geomipmap_tiles *tiles, struct geomipmap_place place)
-{
-    return tiles->grid[place.height].error + index_of(tiles, place) * (size_t)tiles->levels;
-}
+// ---- heights ------------------------------------------------------------------------------------
 
 // Row or column of one side, the vertices that its step draws, both ends left out.
 static void read_side(const struct geomipmap_tiles *tiles, struct terrain_reader *reader, int step, int64_t x,
@@ -429,11 +548,9 @@ void geomipmap_tiles_read(const struct geomipmap_tiles *tiles, struct terrain_re
 
 size_t geomipmap_tiles_bytes(const struct geomipmap_tiles *tiles)
 {
-    size_t bytes = 0;
-    for (int height = 0; height <= tiles->top; height++) {
-        size_t count = grid_size(&tiles->grid[height]);
-        bytes += count * sizeof(struct geomipmap_range);
-        if (height <= tiles->merge) bytes += count * (size_t)tiles->levels * sizeof(float);
-    }
+    size_t bytes = geomipmap_cache_bytes(&tiles->groups) +
+                   (size_t)tiles->room * (sizeof *tiles->facts + sizeof *tiles->asked);
+    for (int height = 0; height <= tiles->merge; height++)
+        bytes += geomipmap_plan_bytes(&tiles->plans[height]);
     return bytes;
 }

@@ -679,6 +679,127 @@ static void late_tiles_leave_no_crack(void **state)
     folder_remove(NULL);
 }
 
+// ---- blocks from coarser levels -----------------------------------------------------------------
+
+struct ground { // the whole finest level
+    const struct terrain *terrain;
+    struct terrain_level level;
+    int width, height;
+    int32_t *samples;
+};
+
+static struct ground read_ground(const struct terrain *terrain)
+{
+    struct ground g = {.terrain = terrain, .level = terrain_level(terrain, terrain_info(terrain)->finest)};
+    g.width = (int)(g.level.extent.x1 - g.level.extent.x0);
+    g.height = (int)(g.level.extent.y1 - g.level.extent.y0);
+    g.samples = malloc((size_t)g.width * (size_t)g.height * sizeof *g.samples);
+    assert_non_null(g.samples);
+    terrain_window(terrain, terrain_info(terrain)->finest, g.level.extent.x0, g.level.extent.y0, g.width,
+                   g.height, g.samples, TERRAIN_WAIT);
+    return g;
+}
+
+static bool in_window(const struct view *view, const double relative[3])
+{
+    double pixel[2];
+    return view_project(view, relative, pixel) && pixel[0] >= 0 && pixel[1] >= 0 && pixel[0] <= view->width &&
+           pixel[1] <= view->height;
+}
+
+// Largest error on the screen at the samples under one drawn triangle, where either surface is seen.
+static double triangle_error(const struct ground *g, const struct view *view, float (*v)[3])
+{
+    const struct terrain_info *info = terrain_info(g->terrain);
+    double x[3], y[3], low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY}, worst = 0;
+    for (int k = 0; k < 3; k++) { // in samples
+        x[k] = round(((double)v[k][0] + view->eye_m[0]) / g->level.spacing_m[0]) - (double)g->level.extent.x0;
+        y[k] = round(((double)v[k][1] + view->eye_m[1]) / g->level.spacing_m[1]) - (double)g->level.extent.y0;
+        low[0] = fmin(low[0], x[k]), high[0] = fmax(high[0], x[k]);
+        low[1] = fmin(low[1], y[k]), high[1] = fmax(high[1], y[k]);
+    }
+    double area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]);
+    for (int j = (int)fmax(low[1], 0); j <= high[1] && j < g->height; j++)
+        for (int i = (int)fmax(low[0], 0); i <= high[0] && i < g->width; i++) {
+            double b = ((i - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (j - y[0])) / area;
+            double c = ((x[1] - x[0]) * (j - y[0]) - (i - x[0]) * (y[1] - y[0])) / area;
+            if (b < 0 || c < 0 || b + c > 1) continue;
+            double east = (double)(g->level.extent.x0 + i) * g->level.spacing_m[0] - view->eye_m[0];
+            double north = (double)(g->level.extent.y0 + j) * g->level.spacing_m[1] - view->eye_m[1];
+            double truth = g->samples[(size_t)j * (size_t)g->width + (size_t)i] * info->quantum_m +
+                           info->offset_m - view->eye_m[2];
+            double drawn = (1 - b - c) * (double)v[0][2] + b * (double)v[1][2] + c * (double)v[2][2], length;
+            if (!in_window(view, (double[3]){east, north, truth}) &&
+                !in_window(view, (double[3]){east, north, drawn}))
+                continue;
+            view_project_vertical(view, east, north, truth, drawn, &length);
+            worst = fmax(worst, length);
+        }
+    return worst;
+}
+
+// Whether a triangle is larger than any of tiles of height 0: 2^coarsest samples.
+static bool from_a_block(const struct ground *g, float (*v)[3], int coarsest)
+{
+    double longest = 0;
+    for (int k = 0; k < 3; k++) longest = fmax(longest, fabs((double)v[k][0] - (double)v[(k + 1) % 3][0]));
+    return longest > 1.5 * ldexp(g->level.spacing_m[0], coarsest);
+}
+
+// Blocks above those that are measured are bounded by what the file carries of its levels: beside each other
+// and beside measured tiles they leave no crack, and the claim holds against the finest level.
+static void blocks_of_coarser_levels_keep_the_claim(void **state)
+{
+    struct fixture *f = *state;
+    static const char *const settings[] = {"patch=9 merge=0 cull=off", "patch=9 merge=1 cull=off",
+                                           "patch=17 merge=0 cull=off borders=regions"};
+    static const int coarsest[] = {2, 3, 3};
+    struct terrain *terrain = on_disk(test_size(513, 2049), 41);
+    struct ground ground = read_ground(terrain);
+    uint64_t seed = 42;
+    for (int s = 0; s < 3; s++) {
+        size_t triangles = 0, blocks = 0;
+        double tightness = 0, most = 0;
+        int views = test_size(6, 60), broken = 0;
+        for (int k = 0; k < views; k++) {
+            char text[96];
+            double tau = 0.25 * (1 << k % 6);
+            snprintf(text, sizeof text, "%s tau=%g", settings[s], tau);
+            struct renderer *renderer = create(f, terrain, text);
+            struct view view = random_view(terrain, &seed, 2, 20000);
+            for (int frame = 0; frame == 0 || (counter(renderer, "late") > 0 && frame < 400); frame++) {
+                geomipmap_renderer.begin_frame(renderer, frame);
+                assert_true(geomipmap_renderer.update(renderer, &view, 1));
+            }
+            struct renderer_stats stats;
+            geomipmap_renderer.stats(renderer, &stats);
+            assert_true(stats.claimed_error_px == tau);
+            struct mesh mesh = capture(f, renderer, terrain, &view, 0);
+            assert_int_equal(open_edges(terrain, &view, &mesh), 0);
+            double worst = 0;
+            for (size_t i = 0; i < mesh.count; i++) {
+                worst = fmax(worst, triangle_error(&ground, &view, mesh.vertices + 3 * i));
+                blocks += from_a_block(&ground, mesh.vertices + 3 * i, coarsest[s]);
+            }
+            // Vertices are floats relative to the eye: that is the claim's slack.
+            broken += worst > tau + 0.002;
+            tightness += worst / tau / views;
+            most = fmax(most, worst / tau);
+            triangles += mesh.count;
+            free(mesh.vertices);
+            geomipmap_renderer.destroy(renderer);
+        }
+        FIGURE("%s: %zu triangles, %zu of them of blocks above height 0, no open edge; claim broken in %d of "
+               "%d views, worst error %.2f of tau on average, at most %.2f",
+               settings[s], triangles, blocks, broken, views, tightness, most);
+        assert_int_equal(broken, 0);
+        assert_true(blocks > 0 && most > 0);
+    }
+    free(ground.samples);
+    terrain_destroy(terrain);
+    folder_remove(NULL);
+}
+
 // Cameras that nothing flies with on purpose (E11): every one selects, draws samples of the terrain and
 // leaves no GL error.
 static void any_camera_is_drawn(void **state)
@@ -741,6 +862,7 @@ int main(void)
         cmocka_unit_test(any_terrain_is_drawn_with_its_own_heights),
         cmocka_unit_test(tiles_fit_the_bytes_a_sample_of_the_paper),
         cmocka_unit_test(late_tiles_leave_no_crack),
+        cmocka_unit_test(blocks_of_coarser_levels_keep_the_claim),
         cmocka_unit_test(any_camera_is_drawn),
     };
     return cmocka_run_group_tests(tests, setup, teardown);

@@ -13,10 +13,16 @@ struct model {
     bool used[TILES]; // by slot, in this batch
 };
 
+// Names far apart and close together.
+static uint64_t name_of(int tile)
+{
+    return tile % 2 ? (uint64_t)tile << 48 | 5 : (uint64_t)tile;
+}
+
 static void start(struct model *m, int limit)
 {
     *m = (struct model){.uploads = 0};
-    assert_true(geomipmap_cache_init(&m->cache, TILES, limit));
+    assert_true(geomipmap_cache_init(&m->cache, limit, 0));
 }
 
 static void new_batch(struct model *m)
@@ -43,12 +49,12 @@ static void begin(struct model *m)
 static bool ask(struct model *m, int tile)
 {
     int slot;
-    enum geomipmap_found found = geomipmap_cache_find(&m->cache, tile, &slot);
+    enum geomipmap_found found = geomipmap_cache_find(&m->cache, name_of(tile), &slot);
     if (found == GEOMIPMAP_FULL) {
         if (m->cache.slot_count == 0) return false;
         geomipmap_cache_begin_batch(&m->cache);
         new_batch(m);
-        found = geomipmap_cache_find(&m->cache, tile, &slot);
+        found = geomipmap_cache_find(&m->cache, name_of(tile), &slot);
         assert_int_not_equal(found, GEOMIPMAP_FULL);
     }
     assert_in_range(slot, 0, m->cache.slot_count - 1);
@@ -139,9 +145,11 @@ static void least_recently_used_goes_first(void **state)
     ask(&m, 7), ask(&m, 0), ask(&m, 1); // takes the slot of 2
     assert_int_equal(m.uploads, 1);
     begin(&m);
-    ask(&m, 2); // takes the slot of 7
-    assert_int_equal(m.cache.slot_of[7], -1);
-    assert_true(m.cache.slot_of[0] >= 0 && m.cache.slot_of[1] >= 0);
+    ask(&m, 2);             // takes the slot of 7
+    ask(&m, 0), ask(&m, 1); // still there
+    assert_int_equal(m.uploads, 1);
+    ask(&m, 7); // is not
+    assert_int_equal(m.uploads, 2);
     geomipmap_cache_finish(&m.cache);
 }
 
@@ -170,6 +178,30 @@ static void random_flights_draw_their_own_tiles(void **state)
     }
 }
 
+// Kept slots outlive frames that do not ask for them, and are taken only when there are no others to add.
+static void kept_slots_stay(void **state)
+{
+    (void)state;
+    struct model m;
+    m = (struct model){.uploads = 0};
+    assert_true(geomipmap_cache_init(&m.cache, 0, 50));
+    for (int frame = 0; frame < 40; frame++) { // 10 of 40 tiles a frame
+        begin(&m);
+        for (int i = 0; i < 10; i++) assert_true(ask(&m, frame % 4 * 10 + i));
+        assert_int_equal(m.uploads, frame < 4 ? 10 : 0);
+        assert_int_equal(m.cache.slot_count, frame < 4 ? 10 * (frame + 1) : 40);
+    }
+    for (int frame = 0; frame < 40; frame++) { // and of 200: no more than are kept
+        begin(&m);
+        for (int i = 0; i < 10; i++) assert_true(ask(&m, frame % 20 * 10 + i));
+        assert_true(m.cache.slot_count <= 50);
+    }
+    begin(&m);
+    for (int i = 0; i < 80; i++) assert_true(ask(&m, i)); // unless one frame needs them
+    assert_int_equal(m.cache.slot_count, 80);
+    geomipmap_cache_finish(&m.cache);
+}
+
 // A cache that may not have a single slot says so instead of drawing something else.
 static void no_slot_is_said(void **state)
 {
@@ -179,8 +211,8 @@ static void no_slot_is_said(void **state)
     begin(&m);
     assert_true(ask(&m, 1));
     int slot;
-    assert_int_equal(geomipmap_cache_find(&m.cache, 2, &slot), GEOMIPMAP_FULL);
-    assert_int_equal(geomipmap_cache_find(&m.cache, 1, &slot), GEOMIPMAP_HIT);
+    assert_int_equal(geomipmap_cache_find(&m.cache, name_of(2), &slot), GEOMIPMAP_FULL);
+    assert_int_equal(geomipmap_cache_find(&m.cache, name_of(1), &slot), GEOMIPMAP_HIT);
     geomipmap_cache_finish(&m.cache);
 }
 
@@ -192,6 +224,7 @@ int main(void)
         cmocka_unit_test(cache_grows_in_a_frame_and_shrinks_by_one),
         cmocka_unit_test(least_recently_used_goes_first),
         cmocka_unit_test(random_flights_draw_their_own_tiles),
+        cmocka_unit_test(kept_slots_stay),
         cmocka_unit_test(no_slot_is_said),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

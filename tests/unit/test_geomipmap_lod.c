@@ -376,6 +376,18 @@ static struct terrain *make_terrain(int width, int height, int32_t scale, uint64
     return terrain;
 }
 
+static struct geomipmap_range know(struct geomipmap_tiles *tiles, struct geomipmap_place place,
+                                   const float **error)
+{
+    struct geomipmap_range range;
+    geomipmap_tiles_begin(tiles);
+    if (!geomipmap_tiles_know(tiles, place, &range, error)) {
+        assert_true(geomipmap_tiles_measure(tiles));
+        assert_true(geomipmap_tiles_know(tiles, place, &range, error));
+    }
+    return range;
+}
+
 static void tiles_cover_maps_of_any_size(void **state)
 {
     (void)state;
@@ -391,18 +403,22 @@ static void tiles_cover_maps_of_any_size(void **state)
         assert_true(geomipmap_tiles_init(&three, terrain, 4, merge, GEOMIPMAP_STABLE, false, 3));
         assert_int_equal(one.grid[0].columns, sizes[s][2]);
         assert_int_equal(one.grid[0].rows, sizes[s][3]);
-        for (int tile = 0; tile < one.drawable; tile++) {
-            int32_t heights[17 * 17];
-            struct geomipmap_place place = geomipmap_tiles_place(&one, tile);
-            assert_int_equal(geomipmap_tiles_number(&one, place), tile);
-            struct geomipmap_range range = geomipmap_tiles_range(&one, place),
-                                   same = geomipmap_tiles_range(&three, place);
-            assert_memory_equal(&range, &same, sizeof range);
-            assert_memory_equal(geomipmap_tiles_error(&one, place), geomipmap_tiles_error(&three, place),
-                                4 * sizeof(float));
-            geomipmap_tiles_read(&one, NULL, place, NULL, heights);
-            for (int k = 0; k < 17 * 17; k++) assert_in_range(heights[k] + 1, range.low + 1, range.high + 1);
-        }
+        for (int height = 0; height <= merge; height++)
+            for (int tile = 0; tile < one.grid[height].columns * one.grid[height].rows; tile++) {
+                int32_t heights[17 * 17];
+                const struct geomipmap_place place = {height, tile % one.grid[height].columns,
+                                                      tile / one.grid[height].columns};
+                const float *errors, *same_errors;
+                struct geomipmap_range range = know(&one, place, &errors),
+                                       same = know(&three, place, &same_errors),
+                                       bounds = geomipmap_tiles_bounds(&one, place);
+                assert_memory_equal(&range, &same, sizeof range);
+                assert_memory_equal(errors, same_errors, 4 * sizeof(float));
+                assert_true(bounds.low <= range.low && bounds.high >= range.high);
+                geomipmap_tiles_read(&one, NULL, place, NULL, heights);
+                for (int k = 0; k < 17 * 17; k++)
+                    assert_in_range(heights[k] + 1, range.low + 1, range.high + 1);
+            }
         assert_false(one.wide);
         geomipmap_tiles_finish(&one);
         geomipmap_tiles_finish(&three);

@@ -66,7 +66,7 @@ static struct scene make_scene(uint64_t seed, int merge, double height_m)
     struct scene s = {.terrain = make_fractal(seed, height_m)};
     assert_true(geomipmap_mesh_init(&s.mesh, 4, GEOMIPMAP_ADD, false));
     assert_true(geomipmap_tiles_init(&s.tiles, s.terrain, 4, merge, GEOMIPMAP_STABLE, false, 1));
-    assert_true(geomipmap_selection_init(&s.selection, &s.tiles));
+    assert_true(geomipmap_selection_init(&s.selection));
     return s;
 }
 
@@ -119,7 +119,8 @@ static void nothing_visible_is_missing(void **state)
             for (int tile = 0; tile < s.tiles.grid[0].columns * s.tiles.grid[0].rows; tile++) {
                 if (pick_of[tile] >= 0) continue;
                 hidden++;
-                struct geomipmap_place place = geomipmap_tiles_place(&s.tiles, tile);
+                struct geomipmap_place place = {0, tile % s.tiles.grid[0].columns,
+                                                tile / s.tiles.grid[0].columns};
                 geomipmap_tiles_read(&s.tiles, NULL, place, NULL, heights);
                 for (int v = 0; v < 17 * 17; v++) {
                     double relative[3];
@@ -453,7 +454,7 @@ static void hysteresis_stops_flicker(void **state)
             for (int on = 0; on < 2; on++) {
                 uint64_t tremble = 32;
                 choice.hysteresis = on ? 0.1 : 0;
-                geomipmap_selection_restart(&s.selection, &s.tiles);
+                geomipmap_selection_restart(&s.selection);
                 memset(switches, 0, sizeof switches);
                 for (int frame = 0; frame < FRAMES; frame++) {
                     // The eye stands on a lattice, so that it moves by more than 1e-6 m or not at all.
@@ -462,7 +463,7 @@ static void hysteresis_stops_flicker(void **state)
                         const struct geomipmap_choice off = {
                             .metric = GEOMIPMAP_SAFE, .tau_px = 2, .cull = true};
                         struct geomipmap_selection kept = s.selection;
-                        assert_true(geomipmap_selection_init(&s.selection, &s.tiles));
+                        assert_true(geomipmap_selection_init(&s.selection));
                         assert_true(geomipmap_select(&s.selection, &s.tiles, &off, &view));
                         list_steps(&s, plain);
                         geomipmap_selection_finish(&s.selection);
