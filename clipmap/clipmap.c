@@ -66,8 +66,11 @@ static const struct renderer_knob knobs[] = {
     {"ahead", "lines that a refill reads ahead of the motion: fewer refills, more memory", 0, 0, 64, NULL},
     {"regions", "squares about the viewer, or fitted to what a frustum narrower than 90 degrees sees", 0, 0,
      1, "viewer|frustum"},
-    {"sizes", "n for every level, or less where the next coarser level errs less for its spacing", 0, 0, 1,
-     "equal|error"},
+    {"sizes",
+     "n for every level, or less where the next coarser level errs less for its spacing, or as the mean "
+     "error "
+     "over the picture gains least",
+     CLIPMAP_SIZES_EQUAL, 0, 2, "equal|error|mean"},
     {"normals",
      "shading own: what picks the resolution of normals, the level blended as the geometry, or mipmaps",
      CLIPMAP_LOD_LEVEL, 0, 1, "level|mipmap"},
@@ -515,12 +518,12 @@ static bool build_programs(struct clipmap *c, const struct scene_effects *effect
     return true;
 }
 
-static void size_by_error(struct clipmap *c)
+static void size_by_error(struct clipmap *c, enum clipmap_sizes sizes)
 {
     double error_m[CLIPMAP_MAX_LEVELS];
-    for (int k = 0; k < c->shape.levels; k++)
+    for (int k = 0; k < c->shape.available; k++)
         error_m[k] = terrain_level(c->terrain, terrain_info(c->terrain)->finest + k).rms_error_m;
-    clipmap_shape_by_error(&c->shape, error_m);
+    clipmap_shape_by_error(&c->shape, sizes, error_m);
 }
 
 static bool set_shape(struct clipmap *c, const double *values)
@@ -544,7 +547,8 @@ static bool set_shape(struct clipmap *c, const double *values)
     struct terrain_level finest = terrain_level(c->terrain, info->finest);
     clipmap_shape_init(&c->shape, &rules, info->coarsest - info->finest + 1, &finest.extent,
                        fmax(finest.spacing_m[0], finest.spacing_m[1]));
-    if (values[KNOB_SIZES] != 0) size_by_error(c);
+    enum clipmap_sizes sizes = (enum clipmap_sizes)values[KNOB_SIZES];
+    if (sizes != CLIPMAP_SIZES_EQUAL) size_by_error(c, sizes);
     c->budget = values[KNOB_BUDGET] > 0 ? (uint64_t)values[KNOB_BUDGET] : UINT64_MAX;
     if (c->budget < 4 * (uint64_t)c->shape.size)
         return fail("clipmap: budget is %g; 0 or at least %d, four lines of a level, is expected",

@@ -95,43 +95,61 @@ static void leave_out(struct clipmap_shape *shape)
     }
 }
 
+// As many levels as it takes for one to hold the whole map.
+static void settle(struct clipmap_shape *shape)
+{
+    int64_t longest;
+    shape->levels = 0;
+    do {
+        const struct clipmap_box *map = &shape->map[shape->levels];
+        longest = larger(map->hi[0] - map->lo[0], map->hi[1] - map->lo[1]) + 1;
+        shape->levels++;
+    } while (longest > shape->drawn[shape->levels - 1] && shape->levels < shape->available);
+    shape->size = (int)larger(shape->rules.n, longest) + CLIPMAP_MARGIN + shape->rules.ahead;
+    leave_out(shape);
+}
+
 void clipmap_shape_init(struct clipmap_shape *shape, const struct clipmap_rules *rules, int available,
                         const struct terrain_extent *finest, double finest_spacing_m)
 {
     *shape = (struct clipmap_shape){.rules = *rules};
-    if (available > CLIPMAP_MAX_LEVELS) available = CLIPMAP_MAX_LEVELS;
-    int64_t lo[2] = {finest->x0, finest->y0}, hi[2] = {finest->x1 - 1, finest->y1 - 1}, longest;
-    do {
-        struct clipmap_box *map = &shape->map[shape->levels];
-        longest = 0;
+    shape->available = (int)smaller(available, CLIPMAP_MAX_LEVELS);
+    int64_t lo[2] = {finest->x0, finest->y0}, hi[2] = {finest->x1 - 1, finest->y1 - 1};
+    for (int k = 0; k < shape->available; k++) {
         for (int axis = 0; axis < 2; axis++) {
-            map->lo[axis] = even_down(lo[axis]);
-            map->hi[axis] = even_up(hi[axis]);
+            shape->map[k].lo[axis] = even_down(lo[axis]);
+            shape->map[k].hi[axis] = even_up(hi[axis]);
             lo[axis] = clipmap_floor_div(lo[axis], 2);
             hi[axis] = -clipmap_floor_div(-hi[axis], 2);
-            longest = larger(longest, map->hi[axis] - map->lo[axis] + 1);
         }
-        shape->spacing_m[shape->levels] = ldexp(finest_spacing_m, shape->levels);
-        set_sides(shape, shape->levels, rules->n);
-        shape->levels++;
-    } while (longest > shape->drawn[0] && shape->levels < available);
-    shape->size = (int)larger(rules->n, longest) + CLIPMAP_MARGIN + rules->ahead;
-    leave_out(shape);
+        shape->spacing_m[k] = ldexp(finest_spacing_m, k);
+        set_sides(shape, k, rules->n);
+    }
+    settle(shape);
 }
 
-void clipmap_shape_by_error(struct clipmap_shape *shape, const double *error_m)
+// What the side of level k is in proportion to.
+static double weight(const struct clipmap_shape *shape, enum clipmap_sizes sizes, int k,
+                     const double *error_m)
+{
+    const double g = shape->spacing_m[k];
+    if (sizes == CLIPMAP_SIZES_ERROR) return error_m[k + 1] / (2 * g);
+    return sqrt(sqrt(fmax(error_m[k + 1] - error_m[k], 0) / (g * g)));
+}
+
+void clipmap_shape_by_error(struct clipmap_shape *shape, enum clipmap_sizes sizes, const double *error_m)
 {
     double largest = 0;
-    for (int k = 0; k + 1 < shape->levels; k++)
-        largest = fmax(largest, error_m[k + 1] / shape->spacing_m[k + 1]);
+    for (int k = 0; k + 1 < shape->levels; k++) largest = fmax(largest, weight(shape, sizes, k, error_m));
     if (largest == 0) return; // flat: nothing to tell the levels apart
-    for (int k = 0; k + 1 < shape->levels; k++) {
-        double share = fmax(error_m[k + 1] / shape->spacing_m[k + 1] / largest, 0.5);
+    for (int k = 0; k < shape->available; k++) {
+        int coarser = k + 1 < shape->available ? k : k - 1; // what is coarser than the coarsest is not known
+        double share = fmin(fmax(weight(shape, sizes, coarser, error_m) / largest, 0.5), 1);
         int n = odd_side(shape->rules.n * share);
-        if (k > 0) n = (int)larger(n, odd_side(0.75 * shape->kept[k - 1]));
+        if (k > 0) n = (int)larger(n, odd_side(0.7 * shape->kept[k - 1]));
         set_sides(shape, k, n);
     }
-    leave_out(shape);
+    settle(shape);
 }
 
 static bool is_coarsest(const struct clipmap_shape *shape, int k)

@@ -32,6 +32,16 @@ enum { CLIPMAP_MAX_LEVELS = 40, CLIPMAP_MARGIN = 2 };
 // distance to the actual perimeter where the side was cropped.
 enum clipmap_alpha { CLIPMAP_ALPHA_PUBLISHED, CLIPMAP_ALPHA_STABLE };
 
+// A size for each level (section 9).  A level gets a share of n, at least half of it and 0.7 of the next
+// finer level's:
+//   error  so that all levels err alike where they begin: level k as e / g of level k + 1, e its rms error
+//   mean   so that pixels err least on their mean for so many samples.  Level k reaches out to R_k = n_k g_k
+//   / 2;
+//          ground at a distance d covers pixels in proportion to 1 / d^2, and its error measures e / d on the
+//          screen, so the mean is the sum of (e_{k+1} - e_k) / R_k^2, and least where n_k is as
+//          ((e_{k+1} - e_k) / g_k^2)^(1/4): 0.84 of the next finer level's where e grows as g
+enum clipmap_sizes { CLIPMAP_SIZES_EQUAL, CLIPMAP_SIZES_ERROR, CLIPMAP_SIZES_MEAN };
+
 enum clipmap_side { CLIPMAP_WEST, CLIPMAP_SOUTH, CLIPMAP_EAST, CLIPMAP_NORTH, CLIPMAP_SIDES };
 
 struct clipmap_box {
@@ -59,7 +69,8 @@ struct clipmap_rules { // what a user chooses
 
 struct clipmap_shape { // what stays the same in flight
     struct clipmap_rules rules;
-    int levels;                    // the last holds the whole map
+    int available;                 // levels that the terrain has
+    int levels;                    // of them in use; the last holds the whole map
     int size;                      // samples on a side of the toroidal store of a level
     int kept[CLIPMAP_MAX_LEVELS];  // samples on a side of the square about the viewer in memory
     int drawn[CLIPMAP_MAX_LEVELS]; // and drawn: throttled, at least 11 (CM3); both odd
@@ -72,10 +83,9 @@ struct clipmap_shape { // what stays the same in flight
 void clipmap_shape_init(struct clipmap_shape *shape, const struct clipmap_rules *rules, int available,
                         const struct terrain_extent *finest, double finest_spacing_m);
 
-// A size for each level (section 9): where the next coarser level errs less, it may come nearer to the
-// viewer. error_m[k]: rms error of level k.  Level k gets the share of n that the next coarser level's e / g
-// is of the largest, at least half of n and 3/4 of the next finer level's.
-void clipmap_shape_by_error(struct clipmap_shape *shape, const double *error_m);
+// error_m[k]: rms error of level k < shape->available.  Smaller levels may need one more to hold the whole
+// map.
+void clipmap_shape_by_error(struct clipmap_shape *shape, enum clipmap_sizes sizes, const double *error_m);
 
 // A region fitted to the frustum (clipmap_fit.h): the part `seen`, with sides on even samples, of a square of
 // n x n samples about the viewer, n odd.

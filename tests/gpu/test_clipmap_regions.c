@@ -247,12 +247,15 @@ static void options_have_no_holes_and_cull_without_a_trace(void **state)
 {
     struct fixture *f = *state;
     struct terrain *terrain = test_terrain(&hills);
-    static const char *const options[] = {"regions=frustum", "sizes=error", "ahead=8 throttle=0.5",
+    static const char *const options[] = {"regions=frustum",
+                                          "sizes=error",
+                                          "sizes=mean",
+                                          "ahead=8 throttle=0.5",
                                           "regions=frustum sizes=error throttle=0.5 ahead=4 stitch=zero-area",
-                                          "regions=frustum sizes=error throttle=0.5 ahead=4 layout=strips"};
-    for (int o = 0; o < 5; o++) {
+                                          "regions=frustum sizes=mean throttle=0.5 ahead=4 layout=strips"};
+    for (int o = 0; o < 6; o++) {
         struct drops drops = {0, 0, 0};
-        int views = test_size(2, 125); // of each size: at full size 2,000 over all
+        int views = test_size(2, 125); // of each size
         for (int s = 0; s < 4; s++) {
             char settings[2][128];
             snprintf(settings[0], sizeof settings[0], "n=%d cull=on %s", sizes[s], options[o]);

@@ -149,13 +149,19 @@ static uint64_t hole_vertices_morphed(const struct world *world)
 
 enum variety { WHOLE, CROPPED, VARIED };
 
-// Throttled, a size for each level, regions that are any part of larger squares.
-static void vary(struct world *world, struct clipmap_fit fits[CLIPMAP_MAX_LEVELS], uint64_t *seed)
+// Throttled, a size for each level,
+static void vary_sizes(struct world *world, uint64_t *seed)
 {
     double error_m[CLIPMAP_MAX_LEVELS];
-    for (int k = 0; k < world->shape.levels; k++)
+    for (int k = 0; k < world->shape.available; k++)
         error_m[k] = world->shape.spacing_m[k] * test_uniform(seed, 0, 1);
-    clipmap_shape_by_error(&world->shape, error_m);
+    clipmap_shape_by_error(&world->shape, test_random(seed) % 2 ? CLIPMAP_SIZES_ERROR : CLIPMAP_SIZES_MEAN,
+                           error_m);
+}
+
+// regions that are any part of larger squares.
+static void vary_fits(const struct world *world, struct clipmap_fit fits[CLIPMAP_MAX_LEVELS], uint64_t *seed)
+{
     for (int k = 0; k < world->shape.levels; k++) {
         int side = world->shape.drawn[k];
         fits[k].n = side + 2 * (int)(test_random(seed) % (uint64_t)(side / 2));
@@ -184,9 +190,10 @@ static void b1_count(enum clipmap_alpha alpha, enum variety variety, uint64_t ba
             struct world world;
             rules.throttle = variety == VARIED ? shares[i % 3] : 1;
             world_init(&world, &rules, -MAP_SIDE / 3, -7, MAP_SIDE, MAP_SIDE + 5);
+            if (variety == VARIED) vary_sizes(&world, &seed);
             stand_anywhere(&world, &seed);
             lag(&world, &seed);
-            if (variety == VARIED) vary(&world, fits, &seed);
+            if (variety == VARIED) vary_fits(&world, fits, &seed);
             const struct clipmap_box *clips =
                 variety == CROPPED || (variety == VARIED && i % 4 == 0) ? world.clips : NULL;
             clipmap_regions(&world.shape, world.eyes, 0, variety == VARIED && i % 2 ? fits : NULL, clips,
@@ -336,21 +343,62 @@ static void sizes_follow_the_error_and_the_throttle(void **state)
     struct clipmap_rules rules = rules_of(127, CLIPMAP_ALPHA_STABLE);
     struct world world;
     world_init(&world, &rules, 0, 0, 5000, 5000);
-    const int levels = world.shape.levels;
+    const struct clipmap_shape *shape = &world.shape;
+    const int levels = shape->levels;
     double error_m[CLIPMAP_MAX_LEVELS] = {0};
-    clipmap_shape_by_error(&world.shape, error_m);
-    for (int k = 0; k < levels; k++) assert_int_equal(world.shape.kept[k], 127);
-    for (int k = 1; k < levels; k++) error_m[k] = world.shape.spacing_m[k] * (k == 3 ? 1 : 0.7);
-    clipmap_shape_by_error(&world.shape, error_m);
-    for (int k = 0; k + 1 < levels; k++) // 0.7 of 127 is 88.9, 3/4 of 127 is 95.25
-        assert_int_equal(world.shape.kept[k], k == 2 ? 127 : k == 3 ? 95 : 87);
+    clipmap_shape_by_error(&world.shape, CLIPMAP_SIZES_ERROR, error_m);
+    for (int k = 0; k < levels; k++) assert_int_equal(shape->kept[k], 127);
+    for (int k = 1; k < shape->available; k++) error_m[k] = shape->spacing_m[k] * (k == 3 ? 1 : 0.6);
+    clipmap_shape_by_error(&world.shape, CLIPMAP_SIZES_ERROR, error_m);
+    for (int k = 0; k < levels; k++) // 0.6 of 127 is 76.2, 0.7 of 127 is 88.9
+        assert_int_equal(shape->kept[k], k == 2 ? 127 : k == 3 ? 87 : 75);
     rules.throttle = 0.25;
     world_init(&world, &rules, 0, 0, 5000, 5000);
-    assert_int_equal(world.shape.levels, levels + 1); // the level that holds the whole map is throttled too
+    assert_int_equal(shape->levels, levels + 1); // the level that holds the whole map is throttled too
     for (int k = 0; k <= levels; k++) {
-        assert_int_equal(world.shape.kept[k], 127);
-        assert_int_equal(world.shape.drawn[k], 63);
+        assert_int_equal(shape->kept[k], 127);
+        assert_int_equal(shape->drawn[k], 63);
     }
+}
+
+// Sum of (e_{k+1} - e_k) / R_k^2 over the levels below the coarsest, for shares of a side, and of the squares
+// of the shares.
+static double mean_error(const double *share, const double *error_m, const double *spacing_m, int levels,
+                         double *samples)
+{
+    double sum = *samples = 0;
+    for (int k = 0; k < levels; k++) {
+        sum += (error_m[k + 1] - error_m[k]) / pow(share[k] * spacing_m[k], 2);
+        *samples += share[k] * share[k];
+    }
+    return sum;
+}
+
+// Sizes for the mean error: no others of as many samples have a smaller sum.  The sum falls as the samples.
+static void sizes_have_the_least_mean_error(void **state)
+{
+    (void)state;
+    struct clipmap_rules rules = rules_of(1023, CLIPMAP_ALPHA_STABLE); // sides are rounded to odd numbers
+    struct world world;
+    uint64_t seed = 12;
+    double error_m[CLIPMAP_MAX_LEVELS], share[CLIPMAP_MAX_LEVELS], samples[2];
+    world_init(&world, &rules, 0, 0, 5000, 5000);
+    const struct clipmap_shape *shape = &world.shape;
+    for (int k = 0; k < shape->available; k++) error_m[k] = k ? shape->spacing_m[k] : 0;
+    clipmap_shape_by_error(&world.shape, CLIPMAP_SIZES_MEAN, error_m);
+    const int levels = 3; // where neither half of n nor 0.7 of the finer level's side is in the way
+    for (int k = 0; k < levels; k++) share[k] = shape->kept[k] / 1023.0;
+    assert_true(share[0] == 1 && fabs(share[2] / share[1] - pow(2, -0.25)) < 2 / 1023.0);
+    double least = mean_error(share, error_m, shape->spacing_m, levels, &samples[0]) * samples[0];
+    for (int i = 0; i < 1000; i++) {
+        double others[3];
+        for (int k = 0; k < levels; k++) others[k] = share[k] * test_uniform(&seed, 0.5, 2);
+        double more = mean_error(others, error_m, shape->spacing_m, levels, &samples[1]) * samples[1];
+        assert_true(more > least * (1 - 4 / 1023.0));
+    }
+    const double equal[3] = {1, 1, 1}; // (2 + 1/2 + 1/4) 3 = 8.25 against (2^(1/2) + 2^(-1/2) + 1/2)^2 = 6.87
+    assert_true(mean_error(equal, error_m, shape->spacing_m, levels, &samples[1]) * samples[1] >
+                1.19 * least);
 }
 
 static void what_cannot_be_smaller_is_left_out(void **state)
@@ -624,6 +672,7 @@ int main(void)
         cmocka_unit_test(b2_too_fine_a_lattice_fails),
         cmocka_unit_test(regions_nest),
         cmocka_unit_test(sizes_follow_the_error_and_the_throttle),
+        cmocka_unit_test(sizes_have_the_least_mean_error),
         cmocka_unit_test(what_cannot_be_smaller_is_left_out),
         cmocka_unit_test(viewer_is_within_a_cell_of_the_centre),
         cmocka_unit_test(small_maps_are_covered),
