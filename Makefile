@@ -126,12 +126,12 @@ run-tests: all $(TESTS)
 	tests/run $(BUILD) $(TESTS)
 
 FUZZED  := tests/fuzz/fuzz_relief.c $(wildcard $(addprefix common/terrain/relief/,coder*.c layout*.c codec_*.c)) \
-           $(patsubst %,common/terrain/%.c,relief/relief_file relief/relief_format upsample) common/parallel.c common/report.c
+           $(patsubst %,common/terrain/%.c,relief/relief_file relief/relief_format sphere upsample) common/parallel.c common/report.c
 runs    ?= 1000000
 fuzz: $(BUILD)/tests/unit/test_fuzz ## spoilt .relief files under libFuzzer and sanitizers (clang): runs=1000000
 	@mkdir -p $(BUILD)/fuzz/corpus
 	RELIEF_CORPUS=$(BUILD)/fuzz/corpus $(BUILD)/tests/unit/test_fuzz >/dev/null
-	clang -std=c11 -D_DEFAULT_SOURCE -O1 -g -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
+	clang -std=c11 -D_DEFAULT_SOURCE -O2 -g -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
 	  -DRELIEF_LIBFUZZER -pthread -I. $(FUZZED) -lm -o $(BUILD)/fuzz/fuzz_relief
 	$(BUILD)/fuzz/fuzz_relief -runs=$(runs) -seed=1 -max_len=8192 -timeout=10 -rss_limit_mb=512 -close_fd_mask=2 \
 	  -artifact_prefix=$(BUILD)/fuzz/ -print_final_stats=1 $(BUILD)/fuzz/corpus
