@@ -19,6 +19,7 @@ static const struct papers_entry {
     {"clipmap-rate", "Losasso & Hoppe 2004, section 9, rendering rate", papers_clipmap_rate},
     {"clipmap-3", "Losasso & Hoppe 2004, Table 3", papers_clipmap_space},
     {"clipmap-coder", "Losasso & Hoppe 2004, section 9, compression error", papers_clipmap_compression},
+    {"clipmap-peers", "Losasso & Hoppe 2004, section 5, beside other coders", papers_coders},
     {"clipmap-filter", "Losasso & Hoppe 2004, section 7, the filter D", papers_clipmap_filter},
     {"clipmap-apart", "Losasso & Hoppe 2004, section 9, errors apart and together", papers_clipmap_apart},
     {"pgm-1", "Livny et al. 2008, Table 1", papers_pgm_rates},

@@ -9,6 +9,7 @@
 //   papers_flight.c   timed flights of renderers
 //   papers_clipmap.c  Losasso & Hoppe 2004      papers_mars.c  geometry clipmapping for Mars
 //   papers_compression.c  what both papers print of their coders
+//   papers_coders.c   the coder beside other people's
 //   papers_geomipmap.c  Brodersen 2005          papers_pgm.c   Livny et al. 2008
 //   papers_sphere.c   Clasen & Hege 2006
 // SPDX-License-Identifier: MIT
@@ -94,7 +95,8 @@ bool papers_decompression(struct papers *papers, double *times, int count);
 // Each returns false after one line on stderr; a skipped table is no failure.
 typedef bool papers_measure(struct papers *papers, struct papers_table *table);
 papers_measure papers_clipmap_update, papers_clipmap_error, papers_clipmap_rate; // Losasso & Hoppe 2004
-papers_measure papers_clipmap_space, papers_clipmap_compression, papers_clipmap_filter, papers_clipmap_apart,
+papers_measure papers_clipmap_space, papers_clipmap_compression, papers_clipmap_filter, papers_coders,
+    papers_clipmap_apart,
     papers_mars_compression;                                 // papers_compression.c
 papers_measure papers_mars_rendering;                        // Mars, Table 3
 papers_measure papers_sphere_views;                          // Clasen & Hege 2006

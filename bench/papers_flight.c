@@ -94,7 +94,7 @@ static bool fly_once(const struct papers *papers, const struct scene *scene, int
         gpu_finish(papers->gpu);
         double start = papers_clock_ms(papers);
         flight->type->begin_frame(flying->renderer, frame);
-        if (!flight->type->update(flying->renderer, &view, 1)) return false;
+        if (!flight->type->update(flying->renderer, &view, 1) || terrain_failed(scene->terrain)) return false;
         double updated = papers_clock_ms(papers);
         gpu_set_view(papers->gpu, scene->terrain, &view);
         gpu_target_begin(papers->gpu, &flying->target);
