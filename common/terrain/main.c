@@ -83,6 +83,7 @@ static void print_json(const struct terrain *terrain)
         cJSON_AddNumberToObject(item, "width", (double)(level.extent.x1 - level.extent.x0));
         cJSON_AddNumberToObject(item, "height", (double)(level.extent.y1 - level.extent.y0));
         cJSON_AddNumberToObject(item, "rms_error_m", level.rms_error_m);
+        if (level.rms_estimated) cJSON_AddTrueToObject(item, "rms_error_is_estimated");
         cJSON_AddNumberToObject(item, "max_error_m", level.max_error_m);
     }
     char *text = cJSON_Print(root);
@@ -110,6 +111,8 @@ static void print_text(const struct terrain *terrain)
         printf("%6d %12s %11.6g %43.3f %10.3f\n", l, size, level.spacing_m[0], level.rms_error_m,
                level.max_error_m);
     }
+    if (terrain_level(terrain, info->coarsest).rms_estimated)
+        puts("rms: estimated, from a few blocks spread over the map; max: of all of it");
 }
 
 static int info_main(int argc, char **argv)

@@ -471,6 +471,7 @@ struct terrain_level paged_level(const struct paged *p, int level)
         .max_q = map->max_q,
         .rms_error_m = map->rms_error_q * quantum_m,
         .max_error_m = map->max_error_q * quantum_m,
+        .rms_estimated = level > p->finest && window_count(p, p->finest) > WINDOWS,
         .noise_q = map->sigma_q};
 }
 

@@ -70,8 +70,9 @@ struct terrain_level {
     double spacing_m[2];
     int32_t min_q, max_q;
     double rms_error_m,
-        max_error_m; // PL(this level) - PL(finest level) at the finest samples; 0 at the finest
-    double noise_q;  // standard deviation of the noise of a synthesised level, quanta; 0 for the others
+        max_error_m;    // PL(this level) - PL(finest level) at the finest samples; 0 at the finest
+    bool rms_estimated; // read on demand, of a large map: rms_error_m is that of a few blocks spread over it
+    double noise_q;     // standard deviation of the noise of a synthesised level, quanta; 0 for the others
 };
 
 // What to make of a source.  A zeroed struct gives the defaults.

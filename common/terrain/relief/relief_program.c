@@ -228,7 +228,9 @@ static void print_info_json(const struct relief *relief, double bytes)
     cJSON_AddNumberToObject(root, "max_height_m", h->quantum_m * h->max_q + h->offset_m);
     cJSON_AddNumberToObject(root, "voids_filled", (double)h->voids_filled);
     cJSON_AddNumberToObject(root, "samples", samples);
+    cJSON_AddNumberToObject(root, "format_version", RELIEF_VERSION_NUMBER);
     cJSON_AddStringToObject(root, "codec", LAYOUT_NAMES[h->layout]);
+    cJSON_AddNumberToObject(root, "tiles", (double)grid->tile_count);
     cJSON_AddNumberToObject(root, "file_bytes", bytes);
     cJSON_AddNumberToObject(root, "sample_bytes", (double)relief_sample_bytes(relief));
     cJSON_AddNumberToObject(root, "side_bytes", (double)h->side_bytes);
@@ -268,6 +270,12 @@ static void print_info_text(const struct relief *relief, double bytes)
     printf("rms %.4g m, max %.4g m against the source\n", h->rms_m, h->max_m);
     printf("%.0f bytes: samples %.4f bits each, side section %.4f bits a sample\n", bytes,
            8 * (double)relief_sample_bytes(relief) / samples, 8 * (double)h->side_bytes / samples);
+    printf(
+        "format version %d: header %d, %lld tiles %llu, base %llu, index %llu bytes; side section (checksum, "
+        "lowest, highest and largest error of each tile) %llu bytes\n",
+        RELIEF_VERSION_NUMBER, RELIEF_HEADER, (long long)grid->tile_count,
+        (unsigned long long)h->payload_bytes, (unsigned long long)h->base_bytes,
+        (unsigned long long)h->index_bytes, (unsigned long long)h->side_bytes);
     printf("\n level      samples   at most so far from level 0, m\n");
     for (int l = 0; l < levels_of(relief); l++) {
         char size[48];
