@@ -25,6 +25,11 @@ struct entry_list {
     int32_t oldest, newest, count;
 };
 
+struct window { // in blocks; empty: none
+    int level;
+    struct terrain_extent blocks;
+};
+
 struct terrain_reader {
     const struct terrain *terrain;
     struct paged *paged;  // NULL: in memory
@@ -33,6 +38,7 @@ struct terrain_reader {
     int frame;                    // of begin_frame; -1: none yet
     double place_m[2], step_m[2]; // where the viewer is and how far it moves a frame
     bool blocked;                 // a window of this frame was not there
+    struct window first;          // the first such, of this frame or the one before
     int32_t keep, budget, left;   // blocks: kept, a frame, left of this frame's
     int latency;
     struct entry *entries;
@@ -114,6 +120,20 @@ static void evict_oldest(struct terrain_reader *r)
     r->counters.evicted++;
 }
 
+// Keeps a window's blocks from being evicted.
+static void use(struct terrain_reader *r, const struct window *window)
+{
+    const struct terrain_extent *blocks = &window->blocks;
+    for (int64_t y = blocks->y0; y < blocks->y1; y++)
+        for (int64_t x = blocks->x0; x < blocks->x1; x++) {
+            int32_t index = find(r, (struct slot_key){x, y, window->level});
+            if (index == NONE || r->entries[index].state != ENTRY_THERE) continue;
+            take_out(r, &r->there, index);
+            append(r, &r->there, index);
+            paged_holds(r->paged, r->entries[index].key);
+        }
+}
+
 static void receive(struct terrain_reader *r)
 {
     while (r->coming.count && r->entries[r->coming.oldest].due <= r->now) {
@@ -122,8 +142,10 @@ static void receive(struct terrain_reader *r)
         r->entries[index].state = ENTRY_THERE;
         append(r, &r->there, index);
         r->counters.arrived++;
-        if (r->there.count > r->keep) evict_oldest(r);
     }
+    // Whatever else has arrived or is in use: the window that was missed first is complete in the end.
+    use(r, &r->first);
+    while (r->there.count > r->keep) evict_oldest(r);
 }
 
 // ---- making ----------------------------------------------------------------
@@ -197,6 +219,7 @@ void terrain_reader_begin_frame(struct terrain_reader *r, int frame, const doubl
             send_for(r, r->ahead[i], r->now);
     }
     r->ahead_count = 0;
+    if (!r->blocked) r->first = (struct window){0};
     r->now += steps;
     r->frame = frame;
     r->blocked = false;
@@ -247,19 +270,6 @@ static bool is_there(struct terrain_reader *r, int level, const struct terrain_e
     return there;
 }
 
-// Keeps a window's blocks from being evicted.
-static void use(struct terrain_reader *r, int level, const struct terrain_extent *blocks)
-{
-    for (int64_t y = blocks->y0; y < blocks->y1; y++)
-        for (int64_t x = blocks->x0; x < blocks->x1; x++) {
-            int32_t index = find(r, (struct slot_key){x, y, level});
-            if (index == NONE || r->entries[index].state != ENTRY_THERE) continue;
-            take_out(r, &r->there, index);
-            append(r, &r->there, index);
-            paged_holds(r->paged, r->entries[index].key);
-        }
-}
-
 bool terrain_reader_window(struct terrain_reader *r, int level, int64_t x0, int64_t y0, int width, int height,
                            int32_t *out)
 {
@@ -274,8 +284,10 @@ bool terrain_reader_window(struct terrain_reader *r, int level, int64_t x0, int6
             there = paged_window(r->paged, level, x0, y0, width, height, NULL, TERRAIN_TRY);
         if (fits && !r->realtime) {
             there = is_there(r, level, &blocks);
-            // Of what is not there only the first window holds on to its blocks: it is complete in the end.
-            if (there || !r->blocked) use(r, level, &blocks);
+            const struct window window = {level, blocks};
+            // Of what is not there only the first window holds on to its blocks.
+            if (there || !r->blocked) use(r, &window);
+            if (!there && !r->blocked) r->first = window;
         }
         r->counters.missed += !there;
         r->blocked = r->blocked || !there;

@@ -451,6 +451,35 @@ static void test_rivals_all_arrive(void **state)
     }
 }
 
+// A window that needs all that is kept arrives though others, which are there or arrive meanwhile, are asked
+// for after it in every frame.
+static void test_the_first_goes_before_what_is_there(void **state)
+{
+    (void)state;
+    enum { KEPT = 9, OTHERS = 4, FRAMES = 60 };
+    pack(600, 600, LAYOUT_BOUNDED, 9, "first.relief");
+    for (int others = 1; others <= OTHERS; others++) {
+        struct terrain *terrain =
+            load("first.relief",
+                 (struct terrain_options){.cache_bytes = (uint64_t)(KEPT + 7) * BLOCK * BLOCK * 4});
+        struct terrain_reader *reader = terrain_reader_create(terrain, false);
+        int frame = 0, first = 0;
+        bool there = false;
+        for (; !there && frame < 2 * FRAMES; frame++) {
+            terrain_reader_begin_frame(reader, frame, (const double[2]){0, 0});
+            if (frame >= FRAMES) there = terrain_reader_window(reader, 0, 0, 0, 3 * BLOCK, 3 * BLOCK, NULL);
+            for (int n = 0; n < others; n++)
+                first += terrain_reader_window(reader, 0, 4 * BLOCK, n * BLOCK, 8, 8, NULL);
+        }
+        assert_true(first > 0 && there);
+        // Two blocks a frame, each two frames later: nine of them need seven frames, and the others once
+        // more.
+        assert_true(frame <= FRAMES + 20);
+        terrain_reader_destroy(reader);
+        terrain_destroy(terrain);
+    }
+}
+
 // ---- ceiling and harm ------------------------------------------------------
 
 static void read_some(int block, void *user)
@@ -529,6 +558,7 @@ int main(void)
         cmocka_unit_test(test_arrivals_follow_from_frames_alone),
         cmocka_unit_test(test_what_is_asked_for_arrives_after_the_latency),
         cmocka_unit_test(test_rivals_all_arrive),
+        cmocka_unit_test(test_the_first_goes_before_what_is_there),
         cmocka_unit_test(test_the_ceiling_holds),
         cmocka_unit_test(test_harm_is_told_once),
     };
