@@ -4,6 +4,7 @@
 // SPDX-License-Identifier: MIT
 #include "bench/fly.h"
 
+#include "bench/flat.h"
 #include "bench/machine.h"
 #include "bench/ridges.h"
 #include "bench/run.h"
@@ -96,7 +97,7 @@ static bool look_init(struct look *look, const struct run *run)
 static void receive_triangles(const float *triangles, size_t count, void *user)
 {
     struct look *look = user;
-    places_feed(triangles, count, look->hits);
+    flat_feed(look->truth.radius_m, triangles, count, look->hits);
     ridges_feed(&look->ridges, triangles, count);
 }
 

@@ -33,6 +33,8 @@ static const struct papers_entry {
     {"mars-1", "Geometry clipmapping for Mars, Table 1", papers_mars_compression},
     {"mars-3", "Geometry clipmapping for Mars, Table 3", papers_mars_rendering},
     {"sphere-views", "Clasen & Hege 2006, section 5.2, Figures 15 to 17", papers_sphere_views},
+    {"sphere-kept", "Clasen & Hege 2006, section 6.1, vertices kept", papers_sphere_kept},
+    {"sphere-sampling", "Clasen & Hege 2006, sections 4.2 and 5.2, height textures", papers_sphere_sampling},
     {"geomipmap-sets", "Brodersen 2005, section 5, index sets", papers_geomipmap_sets},
     {"geomipmap-rate", "Brodersen 2005, sections 4 to 6", papers_geomipmap_rate},
 };

@@ -11,7 +11,7 @@
 //   papers_compression.c  what both papers print of their coders
 //   papers_coders.c   the coder beside other people's
 //   papers_geomipmap.c  Brodersen 2005          papers_pgm.c   Livny et al. 2008
-//   papers_sphere.c   Clasen & Hege 2006
+//   papers_sphere.c, papers_sphere_knobs.c   Clasen & Hege 2006
 // SPDX-License-Identifier: MIT
 #ifndef BENCH_PAPERS_H
 #define BENCH_PAPERS_H
@@ -97,10 +97,10 @@ typedef bool papers_measure(struct papers *papers, struct papers_table *table);
 papers_measure papers_clipmap_update, papers_clipmap_error, papers_clipmap_rate; // Losasso & Hoppe 2004
 papers_measure papers_clipmap_space, papers_clipmap_compression, papers_clipmap_filter, papers_coders,
     papers_clipmap_apart,
-    papers_mars_compression;                                 // papers_compression.c
-papers_measure papers_mars_rendering;                        // Mars, Table 3
-papers_measure papers_sphere_views;                          // Clasen & Hege 2006
-papers_measure papers_geomipmap_sets, papers_geomipmap_rate; // Brodersen 2005
+    papers_mars_compression;                                                    // papers_compression.c
+papers_measure papers_mars_rendering;                                           // Mars, Table 3
+papers_measure papers_sphere_views, papers_sphere_kept, papers_sphere_sampling; // Clasen & Hege 2006
+papers_measure papers_geomipmap_sets, papers_geomipmap_rate;                    // Brodersen 2005
 papers_measure papers_pgm_rates, papers_pgm_steps, papers_pgm_extension, papers_pgm_distortion,
     papers_pgm_error, papers_pgm_angles, papers_pgm_updates, papers_pgm_culled; // Livny et al. 2008
 

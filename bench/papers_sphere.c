@@ -1,7 +1,7 @@
 // Clasen & Hege 2006, section 5.2: the three views of Earth, from the ground, an aircraft and space, with and
 // without the view-frustum culling that section 6.1 leaves to the future.
 // SPDX-License-Identifier: MIT
-#include "bench/papers.h"
+#include "bench/papers_sphere.h"
 #include "clipmap/clipmap.h"
 #include "common/report.h"
 
@@ -11,54 +11,73 @@
 
 static const char EARTH[] = "earth_etopo5_4320x2161.png";
 static const double DEGREE = M_PI / 180;
-enum { FINER_LEVELS = 14, FRAMES = 8, VIEWS = 3 };
+enum { FINER_LEVELS = 14, FRAMES = 8 };
 
 // Lake Garda from the south east, as in Figures 15 to 17; the first and the last frame.
 static const struct printed_view {
     const char *label;
     double longitude[2], latitude[2], height_m, yaw, pitch;
     double frames_s, triangles_million, levels; // printed
-} views[VIEWS] = {
+} views[PAPERS_SPHERE_VIEWS] = {
     {"ground", {10.86, 10.8599}, {45.42, 45.4202}, 1.7, 120, 2, 25, 5.2, 16},
     {"aircraft", {11.05, 10.8}, {45.2, 45.45}, 10000, 125, -18, 40, 2.3, 7},
     {"space", {11.5, 9.5}, {44, 46}, 2e6, 110, -75, 65, 1.3, 4},
 };
 
-// A scene of one view, 90 degrees wide; the path is the caller's, the terrain stays the lender's.
-static bool view_scene(const struct papers *papers, struct terrain *earth, const struct printed_view *view,
-                       struct scene *scene)
+bool papers_sphere_scene(const struct papers *papers, struct terrain *earth, enum papers_sphere_view number,
+                         bool still, int frames, struct scene *scene)
 {
+    const struct printed_view *view = &views[number];
     double radius_m = terrain_info(earth)->radius_m;
     struct path_key keys[2];
-    for (int k = 0; k < 2; k++)
-        keys[k] = (struct path_key){.x_m = view->longitude[k] * DEGREE * radius_m,
-                                    .y_m = view->latitude[k] * DEGREE * radius_m,
+    for (int k = 0; k < 2; k++) {
+        int place = still ? 0 : k;
+        keys[k] = (struct path_key){.x_m = view->longitude[place] * DEGREE * radius_m,
+                                    .y_m = view->latitude[place] * DEGREE * radius_m,
                                     .height_m = view->height_m,
                                     .above_ground = true,
-                                    .yaw = view->yaw * DEGREE,
+                                    .yaw = (view->yaw + (still ? 60 * k : 0)) * DEGREE,
                                     .pitch = view->pitch * DEGREE};
+    }
     *scene = (struct scene){.terrain = earth,
                             .width = papers->width,
                             .height = papers->height,
                             .fov_vertical = 2 * atan((double)papers->height / papers->width)};
-    scene->path = path_from_keys(earth, keys, 2, FRAMES, 1.2, scene->fov_vertical);
+    scene->path = path_from_keys(earth, keys, 2, frames, 1.2, scene->fov_vertical);
     return scene->path != NULL;
 }
 
-static double counter(const struct renderer_stats *stats, const char *name)
+const char *papers_sphere_label(enum papers_sphere_view view)
+{
+    return views[view].label;
+}
+
+double papers_sphere_counter(const struct renderer_stats *stats, const char *name)
 {
     for (int c = 0; c < RENDERER_MAX_COUNTERS && stats->counters[c].name; c++)
         if (strcmp(stats->counters[c].name, name) == 0) return stats->counters[c].value;
     return NAN;
 }
 
-static bool view_rows(struct papers *papers, struct terrain *earth, const struct printed_view *view,
+bool papers_sphere_earth(struct papers_table *table, struct terrain **earth)
+{
+    char path[1024];
+    *earth = NULL;
+    if (!papers_data(table, EARTH, path)) return true;
+    *earth =
+        terrain_load(path, &(struct terrain_options){.synthesize_levels = FINER_LEVELS, .seed = PAPERS_SEED});
+    return *earth != NULL;
+}
+
+static bool view_rows(struct papers *papers, struct terrain *earth, enum papers_sphere_view number,
                       struct papers_table *table)
 {
+    const struct printed_view *view = &views[number];
     struct papers_flight flights[2] = {{.type = &clipmap_renderer, .knobs = {"n", "255"}},
                                        {.type = &clipmap_renderer, .knobs = {"n", "255", "cull", "off"}}};
     struct scene scene;
-    bool good = view_scene(papers, earth, view, &scene) && papers_fly(papers, &scene, FRAMES, flights, 2);
+    bool good = papers_sphere_scene(papers, earth, number, false, FRAMES, &scene) &&
+                papers_fly(papers, &scene, FRAMES, flights, 2);
     path_destroy(scene.path);
     for (int f = 0; f < 2 && good; f++) {
         double *values =
@@ -67,7 +86,7 @@ static bool view_rows(struct papers *papers, struct terrain *earth, const struct
         values[1] = 1000 / flights[f].frame_ms;
         values[3] = flights[f].triangles * 1e-6;
         values[4] = view->levels;
-        values[5] = counter(&flights[f].stats, "levels drawn");
+        values[5] = papers_sphere_counter(&flights[f].stats, "levels drawn");
         values[6] = flights[f].triangles / flights[1].triangles;
         values[7] = flights[1].frame_ms / flights[f].frame_ms;
     }
@@ -79,16 +98,16 @@ bool papers_sphere_views(struct papers *papers, struct papers_table *table)
     static const char *const names[] = {"frames", "frames", "triangles", "triangles",
                                         "levels", "levels", "share",     "gain"};
     static const char *const units[] = {"1/s", "1/s", "million", "million", "", "", "of vertices", "in time"};
-    char path[1024];
+    struct terrain *earth = NULL;
     snprintf(table->title, sizeof table->title,
              "Lake Garda from the ground, an aircraft and space: frame time against height above ground");
     snprintf(table->row_name, sizeof table->row_name, "view, height above ground");
     for (int c = 0; c < 8; c++) papers_column(table, names[c], units[c], c < 6 && c % 2 == 0);
-    if (!papers_data(table, EARTH, path)) return true;
-    struct terrain *earth =
-        terrain_load(path, &(struct terrain_options){.synthesize_levels = FINER_LEVELS, .seed = PAPERS_SEED});
-    bool good = earth != NULL;
-    for (int v = 0; v < VIEWS && good; v++) good = view_rows(papers, earth, &views[v], table);
+    if (!papers_sphere_earth(table, &earth)) return false;
+    if (!earth) return true;
+    bool good = true;
+    for (int v = 0; v < PAPERS_SPHERE_VIEWS && good; v++)
+        good = view_rows(papers, earth, (enum papers_sphere_view)v, table);
     terrain_destroy(earth);
     papers_note(table,
                 "Printed: 512 azimuths, 1280 x 960 pixels, GeForce 6800, no culling; here 512 azimuths, %d x "
