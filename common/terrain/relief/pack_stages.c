@@ -147,6 +147,7 @@ struct work { // of one stage, on the regions that are not done
     struct stage *stage;
     int number;
     int *pending;
+    bool code; // else reduce
 };
 
 struct rect pack_core_of(const struct pack *p, const struct stage *stage, int region)
@@ -162,30 +163,11 @@ static double work_of(const struct stage *stage, const struct rect *core)
     return (double)rect_width(core) * (double)rect_height(core) * (stage->fine ? 0.5 : 1); // no source
 }
 
-static void reduce_region(int block, void *user)
+static bool reduce_and_keep(struct pack *p, const struct region *r, struct store_record *record)
 {
-    const struct work *w = user;
-    struct pack *p = w->p;
-    if (pack_stopped(p)) return;
-    struct region *r = malloc(sizeof *r);
-    if (!r) {
-        pack_out_of_memory(p);
-        return;
-    }
-    int number = w->pending[block];
-    struct rect core = pack_core_of(p, w->stage, number);
-    region_plan(r, &p->coder, w->stage->fine, w->stage->coarse, &core, false);
-    void *room = pack_take_room(p, region_room(r));
-    struct store_record record = {
-        .kind = STORE_REDUCED, .stage = (uint32_t)w->number, .region = (uint32_t)number};
     const struct region_level *at = &r->level[r->coarse];
-    if (pack_prepare_region(p, r, room) &&
-        store_write_level(&p->store, STORE_WANTED, r->coarse, &at->wanted, &at->core) &&
-        store_note(&p->store, &record))
-        w->stage->regions[number].reduced = true;
-    pack_give_room(p, room);
-    free(r);
-    progress_add(p, WORK_REDUCE * work_of(w->stage, &core), true);
+    return store_write_level(&p->store, STORE_WANTED, r->coarse, &at->wanted, &at->core) &&
+           store_note(&p->store, record);
 }
 
 // Entries of the tiles, level by level from the finest; `beyond`; then the tiles' bytes in the same order.
@@ -245,6 +227,7 @@ static bool code_and_keep(struct pack *p, struct region *r, struct store_record 
 {
     const struct region_reader reader = {pack_read_decoded, p};
     size_t beyond_count = r->fine == 0 ? region_beyond(r) : 0;
+    if (!pack_read_decoded(p, r->coarse, &r->level[r->coarse].decoded)) return false;
     uint32_t *beyond = malloc((beyond_count + 1) * sizeof *beyond);
     bool good = beyond && region_code(r, true);
     if (good && r->fine == 0) {
@@ -260,7 +243,8 @@ static bool code_and_keep(struct pack *p, struct region *r, struct store_record 
     return good;
 }
 
-static void code_region(int block, void *user)
+// Reduces or codes one region.
+static void run_region(int block, void *user)
 {
     const struct work *w = user;
     struct pack *p = w->p;
@@ -272,27 +256,31 @@ static void code_region(int block, void *user)
     }
     int number = w->pending[block];
     struct rect core = pack_core_of(p, w->stage, number);
-    region_plan(r, &p->coder, w->stage->fine, w->stage->coarse, &core, true);
+    struct store_record record = {.kind = w->code ? STORE_CODED : STORE_REDUCED,
+                                  .stage = (uint32_t)w->number,
+                                  .attempt = w->code ? p->attempt : 0,
+                                  .region = (uint32_t)number};
+    region_plan(r, &p->coder, w->stage->fine, w->stage->coarse, &core, w->code);
     void *room = pack_take_room(p, region_room(r));
-    struct store_record record = {
-        .kind = STORE_CODED, .stage = (uint32_t)w->number, .attempt = p->attempt, .region = (uint32_t)number};
-    if (pack_prepare_region(p, r, room) && pack_read_decoded(p, r->coarse, &r->level[r->coarse].decoded) &&
-        code_and_keep(p, r, &record)) {
-        pthread_mutex_lock(&p->lock);
+    bool good = pack_prepare_region(p, r, room) &&
+                (w->code ? code_and_keep(p, r, &record) : reduce_and_keep(p, r, &record));
+    pthread_mutex_lock(&p->lock);
+    if (good && w->code)
         pack_take_coded(p, &record);
-        pthread_mutex_unlock(&p->lock);
-    }
+    else if (good)
+        w->stage->regions[number].reduced = true;
+    pthread_mutex_unlock(&p->lock);
     pack_give_room(p, room);
     region_finish(r);
     free(r);
-    progress_add(p, WORK_CODE * work_of(w->stage, &core), true);
+    progress_add(p, (w->code ? WORK_CODE : WORK_REDUCE) * work_of(w->stage, &core), true);
 }
 
 static bool run_stage(struct pack *p, int number, bool code)
 {
     struct stage *stage = &p->stages[number];
     int count = (int)(stage->columns * stage->rows), left = 0;
-    struct work w = {p, stage, number, malloc((size_t)count * sizeof(int))};
+    struct work w = {p, stage, number, malloc((size_t)count * sizeof(int)), code};
     if (!w.pending) return pack_out_of_memory(p);
     for (int i = 0; i < count; i++) {
         struct rect core = pack_core_of(p, stage, i);
@@ -303,7 +291,7 @@ static bool run_stage(struct pack *p, int number, bool code)
             w.pending[left++] = i;
     }
     p->progress.what = code ? "coding" : "reducing";
-    parallel_blocks(left, p->threads, code ? code_region : reduce_region, &w);
+    parallel_blocks(left, p->threads, run_region, &w);
     free(w.pending);
     return !pack_stopped(p);
 }
