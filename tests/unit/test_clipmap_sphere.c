@@ -3,36 +3,9 @@
 #include "clipmap/sphere_colour.h"
 #include "clipmap/sphere_levels.h"
 #include "clipmap/sphere_rings.h"
-#include "tests/test.h"
+#include "tests/planet.h"
 
 #include <string.h>
-
-static const double RADIUS = 6371000, DEGREE = M_PI / 180;
-
-static struct terrain *planet(int columns, int finer)
-{
-    int rows = columns / 2 + 1;
-    int32_t *samples = malloc((size_t)columns * (size_t)rows * sizeof *samples);
-    for (int k = 0; k < columns * rows; k++) {
-        double longitude = 2 * M_PI * (k % columns) / columns,
-               latitude = M_PI * (k / columns) / (rows - 1) - M_PI / 2;
-        double x = cos(latitude) * cos(longitude), y = cos(latitude) * sin(longitude), z = sin(latitude);
-        samples[k] =
-            (int32_t)lrint(3000 * sin(7 * x + 2 * y) * cos(5 * z - y) + 500 * sin(15 * x * y + 15 * z));
-    }
-    struct terrain_grid grid = {.name = "planet",
-                                .samples = samples,
-                                .width = columns,
-                                .height = rows,
-                                .first = {-columns / 2, 0},
-                                .spacing_m = {1, 1},
-                                .quantum_m = 1};
-    struct terrain_options options = {.radius_m = RADIUS, .synthesize_levels = finer, .seed = 1};
-    struct terrain *terrain = terrain_from_grid(&grid, &options);
-    free(samples);
-    assert_non_null(terrain);
-    return terrain;
-}
 
 static struct view view_at(const struct terrain *terrain, double longitude, double latitude, double height_m)
 {
@@ -133,7 +106,7 @@ static void stable_angles_are_right_at_all_latitudes(void **state)
 static void texels_are_monotone_on_a_small_ring(void **state)
 {
     (void)state;
-    struct terrain *terrain = planet(512, 14);
+    struct terrain *terrain = test_planet(512, 3000, 7, 14);
     struct sphere_shape shape;
     sphere_shape_init(&shape, terrain, 512, 0.5);
     double place[2] = {M_PI * 0.9999 * RADIUS, 0.2 * RADIUS};
@@ -178,7 +151,7 @@ static double pattern_step(const struct view *a, double turn_a, const struct vie
 static void the_pattern_is_carried_over_a_pole(void **state)
 {
     (void)state;
-    struct terrain *terrain = planet(128, 0);
+    struct terrain *terrain = test_planet(128, 3000, 7, 0);
     for (int pole = -1; pole <= 1; pole += 2) {
         struct view last = view_at(terrain, 0.7, pole * (M_PI / 2 - 50.5 / RADIUS), 100);
         double turn = 0.1, worst = 0, fixed = 0;
@@ -250,7 +223,7 @@ static void check_windows(const struct sphere_shape *shape, double longitude, do
 static void windows_serve_while_they_hold(void **state)
 {
     (void)state;
-    struct terrain *terrain = planet(512, 8);
+    struct terrain *terrain = test_planet(512, 3000, 7, 8);
     struct sphere_shape shape;
     sphere_shape_init(&shape, terrain, 128, 0.5);
     uint64_t seed = 15;
@@ -277,7 +250,7 @@ static void windows_serve_while_they_hold(void **state)
 static void columns_stand_alone_near_the_viewer(void **state)
 {
     (void)state;
-    struct terrain *terrain = planet(512, 10);
+    struct terrain *terrain = test_planet(512, 3000, 7, 10);
     struct sphere_shape shape;
     sphere_shape_init(&shape, terrain, 512, 0.5);
     for (double latitude = 0; latitude <= 88; latitude += 1) {
@@ -300,7 +273,7 @@ static void windows_hold_what_rings_sample(void **state)
     (void)state;
     static const int COLUMNS[] = {512, 4320 / 4};
     for (int c = 0; c < 2; c++) {
-        struct terrain *terrain = planet(COLUMNS[c], 10);
+        struct terrain *terrain = test_planet(COLUMNS[c], 3000, 7, 10);
         struct sphere_shape shape;
         int azimuths = c ? 128 : 256;
         sphere_shape_init(&shape, terrain, azimuths, 0.5);
@@ -342,7 +315,7 @@ static void horizons_are_exact(void **state)
            peak = RADIUS * (sphere_horizon(2, RADIUS) + sphere_horizon(4000, RADIUS));
     assert_true(fabs(two - 5050) < 5 && fabs(peak - 230800) < 100);
     // An eye below the datum, in the Dead Sea, sees rings all the same.
-    struct terrain *terrain = planet(128, 0);
+    struct terrain *terrain = test_planet(128, 3000, 7, 0);
     struct sphere_rings rings = sphere_rings_make(127);
     struct view view = view_at(terrain, 0.5, 0.5, -430);
     struct sphere_ring_range range = sphere_ring_visible(&rings, terrain, &view, 1.7);
@@ -354,7 +327,7 @@ static void horizons_are_exact(void **state)
 static void rings_end_at_a_pixel(void **state)
 {
     (void)state;
-    struct terrain *terrain = planet(128, 0);
+    struct terrain *terrain = test_planet(128, 3000, 7, 0);
     const struct terrain_info *info = terrain_info(terrain);
     struct sphere_rings rings = sphere_rings_make(255);
     double radius_m = info->radius_m + info->offset_m + info->quantum_m * info->min_q;
@@ -374,7 +347,7 @@ static void rings_end_at_a_pixel(void **state)
 static void boxes_hold_their_blocks(void **state)
 {
     (void)state;
-    struct terrain *terrain = planet(128, 0);
+    struct terrain *terrain = test_planet(128, 3000, 7, 0);
     struct sphere_rings rings = sphere_rings_make(127);
     uint64_t seed = 8;
     for (int k = 0; k < test_size(3000, 100000); k++) {
@@ -469,7 +442,7 @@ static void check_ranges(const struct memory *memory, int level, const struct sp
 static void walks_leave_levels_whole(void **state)
 {
     (void)state;
-    struct terrain *terrain = planet(512, 4);
+    struct terrain *terrain = test_planet(512, 3000, 7, 4);
     struct sphere_shape shape;
     sphere_shape_init(&shape, terrain, 64, 0.5);
     size_t count = (size_t)shape.size * (size_t)shape.size;
@@ -557,7 +530,7 @@ static void read_late(void *user, int level, int decimation, const struct clipma
 static void late_texels_are_not_waited_for(void **state)
 {
     (void)state;
-    struct terrain *terrain = planet(512, 2);
+    struct terrain *terrain = test_planet(512, 3000, 7, 2);
     struct sphere_shape shape;
     sphere_shape_init(&shape, terrain, 128, 0.5);
     size_t count = (size_t)shape.size * (size_t)shape.size;

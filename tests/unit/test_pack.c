@@ -1,6 +1,7 @@
 // Packing by regions: the same bytes for any region and any number of threads, the samples that the whole map
 // gives, and after any interruption the file of a pack that was not interrupted.  SPDX-License-Identifier:
 // MIT
+#include "tests/field.h"
 #include "tests/folder.h"
 
 #include "common/terrain/relief/relief_file.h"
@@ -23,13 +24,7 @@ static const struct relief_pack_options WAVELET = {
 
 static struct heightfield hills(int width, int height, uint64_t seed)
 {
-    struct heightfield field = {.name = "hills",
-                                .width = width,
-                                .height = height,
-                                .spacing_m = {30, 40},
-                                .quantum_m = 0.1,
-                                .offset_m = 7,
-                                .samples = malloc((size_t)width * (size_t)height * sizeof(int32_t))};
+    struct heightfield field = test_field("hills", width, height);
     for (int y = 0; y < height; y++)
         for (int x = 0; x < width; x++)
             field.samples[y * width + x] =

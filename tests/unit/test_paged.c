@@ -1,5 +1,6 @@
 // Terrain read on demand: the same samples as the file's, whatever the window, the ceiling and the threads;
 // what a reader is given follows from frame numbers alone.  SPDX-License-Identifier: MIT
+#include "tests/field.h"
 #include "tests/folder.h"
 
 #include "bench/truth.h"
@@ -23,13 +24,7 @@ enum { SIZE_COUNT = sizeof SIZES / sizeof *SIZES, BLOCK = PAGED_BLOCK };
 
 static void pack(int width, int height, enum layout layout, uint64_t seed, const char *name)
 {
-    struct heightfield field = {.name = "made",
-                                .width = width,
-                                .height = height,
-                                .spacing_m = {30, 40},
-                                .quantum_m = 0.1,
-                                .offset_m = 7,
-                                .samples = malloc((size_t)width * (size_t)height * sizeof(int32_t))};
+    struct heightfield field = test_field("made", width, height);
     for (int y = 0; y < height; y++)
         for (int x = 0; x < width; x++)
             field.samples[y * width + x] =

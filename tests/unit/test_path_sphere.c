@@ -3,32 +3,9 @@
 #include "common/scene/scene.h"
 #include "common/view/path.h"
 #include "common/view/view.h"
-#include "tests/test.h"
+#include "tests/planet.h"
 
 #include <string.h>
-
-static const double RADIUS = 6371007, DEGREE = M_PI / 180;
-
-static struct terrain *planet(int finer)
-{
-    enum { W = 128, H = 65 };
-    static int32_t samples[W * H];
-    for (int k = 0; k < W * H; k++) {
-        double longitude = 2 * M_PI * (k % W) / W, latitude = M_PI * (k / W) / (H - 1) - M_PI / 2;
-        double x = cos(latitude) * cos(longitude), y = cos(latitude) * sin(longitude), z = sin(latitude);
-        samples[k] =
-            (int32_t)lrint(4000 * sin(7 * x + 2 * y) * cos(5 * z - y) + 500 * sin(15 * x * y + 15 * z));
-    }
-    struct terrain_grid grid = {.name = "planet",
-                                .samples = samples,
-                                .width = W,
-                                .height = H,
-                                .first = {-W / 2, 0},
-                                .spacing_m = {1, 1},
-                                .quantum_m = 1};
-    struct terrain_options options = {.radius_m = RADIUS, .synthesize_levels = finer, .seed = 1};
-    return terrain_from_grid(&grid, &options);
-}
 
 static struct path_key key_at(double longitude, double latitude, double height_m, double yaw, double pitch)
 {
@@ -73,7 +50,7 @@ static void world_axes(const struct view *view, double forward[3], double up[3])
 static void poles_and_seam_are_nothing_special(void **state)
 {
     (void)state;
-    struct terrain *terrain = planet(0);
+    struct terrain *terrain = test_planet(128, 4000, 7, 0);
     static const double STARTS[3][4] = {
         {40, 89.999, -140, 89.999}, {-100, -89.999, 80, -89.999}, {179.999, 10, -179.999, 10.0001}};
     static const double YAWS[3][2] = {{90, -90}, {-90, 90}, {0, 0}};
@@ -108,7 +85,7 @@ static void poles_and_seam_are_nothing_special(void **state)
 static void keys_are_met(void **state)
 {
     (void)state;
-    struct terrain *terrain = planet(10);
+    struct terrain *terrain = test_planet(128, 4000, 7, 10);
     struct path_key keys[] = {key_at(10.7, 45.6, 1.7, 30, -3), key_at(10.9, 45.9, 10000, -60, -20),
                               key_at(170, -20, 3 * RADIUS, 10, -90)};
     for (int k = 0; k < 3; k++) {
@@ -136,7 +113,7 @@ static void keys_are_met(void **state)
 static void the_tour_flies(void **state)
 {
     (void)state;
-    struct terrain *terrain = planet(12);
+    struct terrain *terrain = test_planet(128, 4000, 7, 12);
     struct path *path = path_for_terrain(terrain, 400, 60 * DEGREE);
     assert_non_null(path);
     double highest = 0, lowest = 1e9, north = 0, south = 0, worst = 0, last[3] = {0, 0, 0}, last_above = 0;
@@ -167,7 +144,7 @@ static void the_tour_flies(void **state)
 static void segments_project(void **state)
 {
     (void)state;
-    struct terrain *terrain = planet(0);
+    struct terrain *terrain = test_planet(128, 4000, 7, 0);
     uint64_t seed = 3;
     for (int k = 0; k < 2000; k++) {
         struct camera camera = {{test_uniform(&seed, -1e7, 1e7), test_uniform(&seed, -9e6, 9e6), 20000},

@@ -1,5 +1,6 @@
 // Compressed terrain: what is decoded is what was promised, from any window, and a harmed file is one line on
 // stderr. SPDX-License-Identifier: MIT
+#include "tests/field.h"
 #include "tests/folder.h"
 
 #include "common/terrain/relief/layout.h"
@@ -40,13 +41,7 @@ static int32_t height_of(enum shape shape, int x, int y, uint64_t *seed)
 
 static struct heightfield make(enum shape shape, int width, int height, uint64_t seed)
 {
-    struct heightfield field = {.name = "made",
-                                .width = width,
-                                .height = height,
-                                .spacing_m = {30, 40},
-                                .quantum_m = 0.1,
-                                .offset_m = 7,
-                                .samples = malloc((size_t)width * (size_t)height * sizeof(int32_t))};
+    struct heightfield field = test_field("made", width, height);
     for (int y = 0; y < height; y++)
         for (int x = 0; x < width; x++) field.samples[y * width + x] = height_of(shape, x, y, &seed);
     return field;

@@ -3,34 +3,12 @@
 #include "bench/truth.h"
 #include "bench/truth_sphere.h"
 #include "common/scene/scene.h"
-#include "tests/test.h"
+#include "tests/planet.h"
 
 #include <string.h>
 #include <time.h>
 
-static const double RADIUS = 6371007, DEGREE = M_PI / 180;
-
 enum { W = 96, H = 49 };
-
-static struct terrain *planet(double relief_m, int finer)
-{
-    static int32_t samples[W * H];
-    for (int k = 0; k < W * H; k++) {
-        double longitude = 2 * M_PI * (k % W - W / 2) / W, latitude = M_PI * (k / W) / (H - 1) - M_PI / 2;
-        double x = cos(latitude) * cos(longitude), y = cos(latitude) * sin(longitude), z = sin(latitude);
-        samples[k] =
-            (int32_t)lrint(relief_m * (sin(9 * x + 2 * y) * cos(7 * z - y) + 0.3 * sin(25 * x * y + 20 * z)));
-    }
-    struct terrain_grid grid = {.name = "planet",
-                                .samples = samples,
-                                .width = W,
-                                .height = H,
-                                .first = {-W / 2, 0},
-                                .spacing_m = {1, 1},
-                                .quantum_m = 1};
-    struct terrain_options options = {.radius_m = RADIUS, .synthesize_levels = finer, .seed = 3};
-    return terrain_from_grid(&grid, &options);
-}
 
 // Height of the ray over the surface, metres.
 static double over_ground(const struct terrain *terrain, const double origin[3], const double direction[3],
@@ -85,7 +63,7 @@ static void hits_are_the_first(void **state)
 {
     (void)state;
     for (int finer = 0; finer <= 3; finer += 3) {
-        struct terrain *terrain = planet(3e4, finer);
+        struct terrain *terrain = test_planet(W, 3e4, 9, finer);
         struct truth_sphere *sphere = truth_sphere_create(terrain);
         struct truth_tiles *tiles = truth_tiles_create(sphere);
         uint64_t seed = 7 + (uint64_t)finer;
@@ -127,7 +105,7 @@ static void hits_are_the_first(void **state)
 static void a_flat_planet_is_a_sphere(void **state)
 {
     (void)state;
-    struct terrain *terrain = planet(0, 0);
+    struct terrain *terrain = test_planet(W, 0, 9, 0);
     struct truth_sphere *sphere = truth_sphere_create(terrain);
     struct truth_tiles *tiles = truth_tiles_create(sphere);
     uint64_t seed = 11;
@@ -165,7 +143,7 @@ static void a_flat_planet_is_a_sphere(void **state)
 static void pictures_of_a_walk(void **state)
 {
     (void)state;
-    struct terrain *terrain = planet(5e3, 14);
+    struct terrain *terrain = test_planet(W, 5e3, 9, 14);
     struct truth_surface *surface = truth_surface_create(terrain);
     struct truth one, two;
     truth_init(&one, 80, 60);
