@@ -249,7 +249,8 @@ static bool fly_setting(struct run *run, struct setting *setting, const struct e
     forget_peak();
     bool good = flight.frame_ms != NULL || fail("out of memory");
     if (good) setting->renderer = setting->type->create(&desc);
-    good = good && setting->renderer && look_init(&look, run);
+    bool looks = every->search > 0 || every->look > 0; // the caster's bounds take memory
+    good = good && setting->renderer && (!looks || look_init(&look, run));
     for (int frame = 0; frame < run->frames && good && !interrupted; frame++) {
         struct view view;
         good = draw_frame(run, setting, frame, &view, &flight);

@@ -53,7 +53,10 @@ static void make_tile(const struct detail *detail, int level, int64_t x0, int64_
                       int32_t *out, int32_t *scratch)
 {
     if (level == 0) {
-        sphere_window(&detail->grid, detail->samples, x0, y0, width, height, out);
+        if (detail->samples)
+            sphere_window(&detail->grid, detail->samples, x0, y0, width, height, out);
+        else
+            detail->read(detail->user, x0, y0, width, height, out);
         return;
     }
     int coarse_width = upsample_coarse_size(x0, width), coarse_height = upsample_coarse_size(y0, height);
@@ -73,6 +76,18 @@ void detail_window(const struct detail *detail, int level, int64_t x0, int64_t y
             for (int j = 0; j < h; j++)
                 for (int i = 0; i < w; i++) out[(int64_t)(y + j) * width + x + i] = tile[j * w + i];
         }
+}
+
+struct terrain_extent detail_under(int level, int64_t x0, int64_t y0, int width, int height)
+{
+    struct terrain_extent e = {x0, y0, x0 + width, y0 + height};
+    for (; level < 0; level++) {
+        int columns = upsample_coarse_size(e.x0, (int)(e.x1 - e.x0)),
+            rows = upsample_coarse_size(e.y0, (int)(e.y1 - e.y0));
+        e.x0 = (e.x0 >> 1) - 1, e.y0 = (e.y0 >> 1) - 1;
+        e.x1 = e.x0 + columns, e.y1 = e.y0 + rows;
+    }
+    return e;
 }
 
 double detail_noise_limit(const struct detail *detail, int levels)

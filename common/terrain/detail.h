@@ -11,7 +11,9 @@ enum { DETAIL_MAX_FINER = 18 };
 
 struct detail {
     struct sphere_grid grid; // of level 0
-    const int32_t *samples;  // of level 0, borrowed
+    const int32_t *samples;  // of level 0, borrowed; NULL: they are read
+    void (*read)(void *user, int64_t x0, int64_t y0, int width, int height, int32_t *out);
+    void *user;
     uint64_t seed;
     double
         sigma_q[DETAIL_MAX_FINER + 1]; // [-level]: of the noise on the equator; it tapers to 0 at the poles
@@ -25,6 +27,9 @@ void detail_window(const struct detail *detail, int level, int64_t x0, int64_t y
 // `level`.
 void detail_refine(const struct detail *detail, int level, const int32_t *coarse, int64_t x0, int64_t y0,
                    int width, int height, int32_t *out);
+
+// The samples of level 0 that a window is made of.
+struct terrain_extent detail_under(int level, int64_t x0, int64_t y0, int width, int height);
 
 // How far the finest of `levels` synthesised levels may leave the range of the stored samples about it, as
 // quanta for noise (the largest deviate there is) and as a share of the range for U (numerics.md, B11).

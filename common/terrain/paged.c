@@ -2,6 +2,7 @@
 #include "common/terrain/paged.h"
 
 #include "common/report.h"
+#include "common/terrain/detail.h"
 #include "common/terrain/extrema.h"
 #include "common/terrain/paged_parts.h"
 
@@ -324,6 +325,11 @@ static double residual_rms(struct paged *p, int level)
     return count > 0 ? sqrt(squares / count) : 0;
 }
 
+double paged_noise_q(const struct paged *p, int level)
+{
+    return exp2(p->noise_log2 + p->noise_slope * level);
+}
+
 static void choose_sigmas(struct paged *p)
 {
     double rms_q[PYRAMID_FIT_LEVELS];
@@ -335,9 +341,8 @@ static void choose_sigmas(struct paged *p)
         if (rms == 0) break;
         rms_q[count++] = rms;
     }
-    double noise_log2, noise_slope;
-    pyramid_fit_noise(rms_q, count, &noise_log2, &noise_slope);
-    for (int l = -1; l >= p->finest; l--) paged_map(p, l)->sigma_q = exp2(noise_log2 + noise_slope * l);
+    pyramid_fit_noise(rms_q, count, &p->noise_log2, &p->noise_slope);
+    for (int l = -1; l >= p->finest; l--) paged_map(p, l)->sigma_q = paged_noise_q(p, l);
 }
 
 // ---- opening ---------------------------------------------------------------
@@ -402,13 +407,17 @@ static void bound_synthesised(struct paged *p)
 
 static bool prepare(struct paged *p, const char *path)
 {
-    int finer = p->options.synthesize_levels;
-    if (finer < 0 || finer > PYRAMID_MAX_FINER)
-        return fail("%s: synthesize_levels is %d; 0 to %d is accepted", path, finer, PYRAMID_MAX_FINER);
     p->header = relief_header(p->relief);
     p->grid = relief_grid(p->relief);
+    bool planet = p->header->radius_m > 0;
+    int finer = p->options.synthesize_levels, most = planet ? DETAIL_MAX_FINER : PYRAMID_MAX_FINER;
+    if (finer < 0 || finer > most)
+        return fail("%s: synthesize_levels is %d; 0 to %d is accepted", path, finer, most);
     p->bits = refine_bits(&p->options, p->header);
+    if (planet) p->planet = relief_planet(p->header);
+    if (planet) p->options.synthesize_levels = 0; // detail.h makes them
     size_levels(p);
+    if (planet) p->coarsest = p->planet.coarsest;
     synthesis_fill_table(&p->table, p->options.seed);
     if (!paged_read_init(p) || !bound_levels(p)) return fail("%s: its index does not fit in memory", path);
     choose_sigmas(p);
@@ -447,6 +456,7 @@ void paged_info(const struct paged *p, struct terrain_info *info)
     const struct relief_header *h = p->header;
     const struct paged_map *finest = paged_map(p, p->finest);
     *info = (struct terrain_info){.datum = TERRAIN_PLANE,
+                                  .radius_m = h->radius_m,
                                   .spacing_m = {h->spacing_m[0], h->spacing_m[1]},
                                   .quantum_m = ldexp(h->quantum_m, -p->bits),
                                   .offset_m = h->offset_m,

@@ -39,6 +39,23 @@ double paged_error(const struct paged *paged, int level, int64_t x0, int64_t y0,
 bool paged_failed(const struct paged *paged);
 size_t paged_resident_bytes(struct paged *paged);
 
+double paged_noise_q(const struct paged *paged, int level); // standard deviation that detail of a level has
+
+// ---- planets ---------------------------------------------------------------
+
+struct sphere_grid;
+// The grid of a planet's level 0; NULL: the map is a plane.
+const struct sphere_grid *paged_planet(const struct paged *paged);
+// As terrain_window and terrain_bounds, of the planet that the file holds: over the seam and the poles.
+bool paged_planet_window(struct paged *paged, int level, int64_t x0, int64_t y0, int width, int height,
+                         int32_t *out, enum terrain_wait wait);
+void paged_planet_bounds(const struct paged *paged, int level, int64_t x0, int64_t y0, int64_t x1, int64_t y1,
+                         int32_t *min_q, int32_t *max_q);
+// The windows of the file that a planet's window is made of, one after the other; false once `each` says so.
+typedef bool paged_piece_fn(void *user, int level, int64_t x0, int64_t y0, int width, int height);
+bool paged_planet_pieces(const struct paged *paged, int level, int64_t x0, int64_t y0, int width, int height,
+                         paged_piece_fn *each, void *user);
+
 // ---- blocks ----------------------------------------------------------------
 
 // Blocks along both axes that a window touches: x0 <= x < x1, y0 <= y < y1.

@@ -53,6 +53,8 @@ struct paged {
     struct synthesis_table table; // of the noise
     int bits;                     // that the quantum is refined by
     int finest, coarsest;
+    struct relief_planet planet;    // when the header has a radius
+    double noise_log2, noise_slope; // of synthesised levels
     struct paged_map maps[PYRAMID_MAX_FINER + LAYOUT_LEVELS];
     struct slots blocks, pages;
     bool ready;         // paged_read_init was here
@@ -72,6 +74,10 @@ static inline int32_t paged_limit(int64_t q)
 }
 
 // paged_read.c
+// Samples of a rectangle inside what is stored, in quanta, rows `stride` apart, which may be negative.
+bool paged_rect(struct paged *paged, int level, const struct rect *rect, int32_t *out, int64_t stride);
+// Asks for the blocks of a rectangle that are not there; true when all are.
+bool paged_ask(struct paged *paged, int level, const struct rect *rect);
 bool paged_read_init(struct paged *paged); // false when memory runs out
 void paged_read_finish(struct paged *paged);
 

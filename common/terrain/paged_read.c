@@ -269,6 +269,11 @@ static struct rect window_rect(int64_t x0, int64_t y0, int width, int height)
     return (struct rect){x0, y0, x0 + width, y0 + height};
 }
 
+bool paged_rect(struct paged *p, int level, const struct rect *r, int32_t *out, int64_t stride)
+{
+    return read_rect(p, level, r, false, out, stride);
+}
+
 static bool read_window(struct paged *p, int level, const struct rect *r, int32_t *out)
 {
     if (lies_in(r, paged_map(p, level)->stored)) return read_rect(p, level, r, false, out, rect_width(r));
@@ -293,8 +298,7 @@ struct terrain_extent paged_blocks(const struct paged *paged, int level, int64_t
                                    (n.y1 - 1) / PAGED_BLOCK + 1};
 }
 
-// Asks for the blocks of a window that are not there; true when all are.
-static bool ask(struct paged *p, int level, const struct rect *r)
+bool paged_ask(struct paged *p, int level, const struct rect *r)
 {
     struct terrain_extent blocks =
         paged_blocks(p, level, r->x0, r->y0, (int)rect_width(r), (int)rect_height(r));
@@ -313,7 +317,7 @@ bool paged_window(struct paged *p, int level, int64_t x0, int64_t y0, int width,
 {
     struct rect r = window_rect(x0, y0, width, height);
     if (width < 1 || height < 1) return true;
-    if (wait == TERRAIN_TRY && !ask(p, level, &r)) return false;
+    if (wait == TERRAIN_TRY && !paged_ask(p, level, &r)) return false;
     if (!out) return true;
     if (!read_window(p, level, &r, out)) made_up(p, out, (int64_t)width * height);
     return true;

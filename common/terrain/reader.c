@@ -2,6 +2,7 @@
 #include "common/terrain/reader.h"
 
 #include "common/report.h"
+#include "common/terrain/detail.h"
 #include "common/terrain/paged.h"
 #include "common/terrain/terrain_parts.h"
 
@@ -270,28 +271,49 @@ static bool is_there(struct terrain_reader *r, int level, const struct terrain_e
     return there;
 }
 
+struct asking {
+    struct terrain_reader *reader;
+    bool there;
+};
+
+// Of one window of the file; goes on whatever comes of it.
+static bool ask_for(void *user, int level, int64_t x0, int64_t y0, int width, int height)
+{
+    struct asking *asking = user;
+    struct terrain_reader *r = asking->reader;
+    struct terrain_extent blocks = paged_blocks(r->paged, level, x0, y0, width, height);
+    int64_t count = (blocks.x1 - blocks.x0) * (blocks.y1 - blocks.y0);
+    bool fits = count <= r->keep && !r->waits, there = true;
+    if (!r->waits) look_ahead(r, level, x0, y0, width, height, &blocks);
+    if (fits && r->realtime) there = paged_window(r->paged, level, x0, y0, width, height, NULL, TERRAIN_TRY);
+    if (fits && !r->realtime) {
+        there = is_there(r, level, &blocks);
+        const struct window window = {level, blocks};
+        // Of what is not there only the first window holds on to its blocks.
+        if (there || !r->blocked) use(r, &window);
+        if (!there && !r->blocked) r->first = window;
+    }
+    r->blocked = r->blocked || !there;
+    asking->there = asking->there && there;
+    return true;
+}
+
 bool terrain_reader_window(struct terrain_reader *r, int level, int64_t x0, int64_t y0, int width, int height,
                            int32_t *out)
 {
     r->counters.asked++;
     if (width < 1 || height < 1) return true;
     if (r->paged) {
-        struct terrain_extent blocks = paged_blocks(r->paged, level, x0, y0, width, height);
-        int64_t count = (blocks.x1 - blocks.x0) * (blocks.y1 - blocks.y0);
-        bool fits = count <= r->keep && !r->waits, there = true;
-        if (!r->waits) look_ahead(r, level, x0, y0, width, height, &blocks);
-        if (fits && r->realtime)
-            there = paged_window(r->paged, level, x0, y0, width, height, NULL, TERRAIN_TRY);
-        if (fits && !r->realtime) {
-            there = is_there(r, level, &blocks);
-            const struct window window = {level, blocks};
-            // Of what is not there only the first window holds on to its blocks.
-            if (there || !r->blocked) use(r, &window);
-            if (!there && !r->blocked) r->first = window;
-        }
-        r->counters.missed += !there;
-        r->blocked = r->blocked || !there;
-        if (!there) return false;
+        struct asking asking = {r, true};
+        if (paged_planet(r->paged)) {
+            // Detail is made on demand, from the stored samples under it.
+            struct terrain_extent e = detail_under(level, x0, y0, width, height);
+            paged_planet_pieces(r->paged, level < 0 ? 0 : level, e.x0, e.y0, (int)(e.x1 - e.x0),
+                                (int)(e.y1 - e.y0), ask_for, &asking);
+        } else
+            ask_for(&asking, level, x0, y0, width, height);
+        r->counters.missed += !asking.there;
+        if (!asking.there) return false;
     }
     return !out || terrain_window(r->terrain, level, x0, y0, width, height, out, TERRAIN_WAIT);
 }

@@ -92,25 +92,25 @@ static bool check_sphere(const struct terrain_grid *grid, const struct terrain_o
                                                 (long long)grid->first[0], (long long)most);
 }
 
-static void describe_sphere(struct terrain *terrain, const struct terrain_options *options)
+// What a planet is, given its grid and what its detail is made from.
+static void describe_sphere(struct terrain *terrain, double radius_m, const struct terrain_options *options)
 {
     struct terrain_info *info = &terrain->info;
     struct detail *detail = &terrain->detail;
-    const struct pyramid_level *stored = pyramid_level(&terrain->pyramid, 0);
     info->datum = TERRAIN_SPHERE;
-    info->radius_m = options->radius_m;
+    info->radius_m = radius_m;
     info->wraps_x = true;
-    info->spacing_m[0] = 2 * M_PI * options->radius_m / (double)detail->grid.columns;
-    info->spacing_m[1] = M_PI * options->radius_m / (double)(2 * detail->grid.pole);
+    info->spacing_m[0] = 2 * M_PI * radius_m / (double)detail->grid.columns;
+    info->spacing_m[1] = M_PI * radius_m / (double)(2 * detail->grid.pole);
     info->outline_m[0] = (double)detail->grid.first * info->spacing_m[0];
-    info->outline_m[1] = -M_PI / 2 * options->radius_m;
+    info->outline_m[1] = -M_PI / 2 * radius_m;
     info->outline_m[2] = (double)(detail->grid.first + detail->grid.columns) * info->spacing_m[0];
-    info->outline_m[3] = M_PI / 2 * options->radius_m;
+    info->outline_m[3] = M_PI / 2 * radius_m;
     info->finest = -options->synthesize_levels;
-    detail->samples = stored->samples;
     detail->seed = options->seed;
     for (int level = -1; level >= info->finest; level--)
-        detail->sigma_q[-level] = pyramid_noise_q(&terrain->pyramid, level);
+        detail->sigma_q[-level] =
+            terrain->paged ? paged_noise_q(terrain->paged, level) : pyramid_noise_q(&terrain->pyramid, level);
     struct terrain_level finest = terrain_level(terrain, info->finest);
     info->min_q = finest.min_q;
     info->max_q = finest.max_q;
@@ -184,7 +184,10 @@ struct terrain *terrain_from_grid(const struct terrain_grid *grid, const struct 
     samples = NULL; // the pyramid's
     if (!built) goto out_of_memory;
     describe(terrain, grid, bits, voids);
-    if (options->radius_m > 0) describe_sphere(terrain, options);
+    if (options->radius_m > 0) {
+        terrain->detail.samples = pyramid_level(&terrain->pyramid, 0)->samples;
+        describe_sphere(terrain, options->radius_m, options);
+    }
     return terrain;
 out_of_memory:
     fail("%s: %lld x %lld samples do not fit in memory", grid->name, (long long)grid->width,
@@ -225,6 +228,11 @@ static void name_after(struct terrain_info *info, const char *path)
     info->name[length] = '\0';
 }
 
+static void read_stored(void *user, int64_t x0, int64_t y0, int width, int height, int32_t *out)
+{
+    paged_planet_window(user, 0, x0, y0, width, height, out, TERRAIN_WAIT);
+}
+
 static struct terrain *open_relief(const char *path, const struct terrain_options *options)
 {
     static const struct terrain_options DEFAULTS = {0};
@@ -232,8 +240,13 @@ static struct terrain *open_relief(const char *path, const struct terrain_option
     if (!terrain) return fail("%s: out of memory", path), NULL;
     terrain->paged = paged_open(path, options ? options : &DEFAULTS);
     if (terrain->paged) {
+        const struct sphere_grid *planet = paged_planet(terrain->paged);
         paged_info(terrain->paged, &terrain->info);
         name_after(&terrain->info, path);
+        if (planet) {
+            terrain->detail = (struct detail){.grid = *planet, .read = read_stored, .user = terrain->paged};
+            describe_sphere(terrain, terrain->info.radius_m, options ? options : &DEFAULTS);
+        }
         return terrain;
     }
     terrain_destroy(terrain);
@@ -242,7 +255,7 @@ static struct terrain *open_relief(const char *path, const struct terrain_option
 
 struct terrain *terrain_load(const char *path, const struct terrain_options *options)
 {
-    if (relief_is_name(path) && !relief_is_whole_planet(path)) return open_relief(path, options);
+    if (relief_is_name(path)) return open_relief(path, options);
     struct heightfield field;
     if (!heightfield_load(&field, path)) return NULL;
     struct terrain *terrain = from_heightfield(&field, options);
@@ -285,7 +298,7 @@ const struct terrain_info *terrain_info(const struct terrain *terrain)
 // A level that is made on demand: what can be told without making it.
 static struct terrain_level detail_level(const struct terrain *terrain, int level)
 {
-    const struct pyramid_level *stored = pyramid_level(&terrain->pyramid, 0);
+    const struct terrain_level of_zero = terrain_level(terrain, 0), *stored = &of_zero;
     struct sphere_grid grid = sphere_level(&terrain->detail.grid, level);
     double range = (double)stored->max_q - stored->min_q;
     int32_t margin = (int32_t)ceil(range * DETAIL_OVERSHOOT + detail_noise_limit(&terrain->detail, -level));
@@ -299,8 +312,15 @@ static struct terrain_level detail_level(const struct terrain *terrain, int leve
 
 struct terrain_level terrain_level(const struct terrain *terrain, int level)
 {
-    if (terrain->paged) return paged_level(terrain->paged, level);
-    if (level < terrain->pyramid.finest) return detail_level(terrain, level);
+    if (is_sphere(terrain) && level < 0) return detail_level(terrain, level);
+    if (terrain->paged) {
+        struct terrain_level stored = paged_level(terrain->paged, level);
+        struct sphere_grid grid = sphere_level(&terrain->detail.grid, level);
+        if (is_sphere(terrain)) stored.extent = sphere_extent(&grid);
+        for (int axis = 0; is_sphere(terrain) && axis < 2; axis++)
+            stored.spacing_m[axis] = ldexp(terrain->info.spacing_m[axis], level);
+        return stored;
+    }
     const struct pyramid_level *l = pyramid_level(&terrain->pyramid, level);
     return (struct terrain_level){
         .extent = l->extent,
@@ -315,12 +335,19 @@ struct terrain_level terrain_level(const struct terrain *terrain, int level)
 bool terrain_window(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int width, int height,
                     int32_t *out, enum terrain_wait wait)
 {
-    if (terrain->paged) return paged_window(terrain->paged, level, x0, y0, width, height, out, wait);
+    if (is_sphere(terrain) && level < 0) {
+        struct terrain_extent e = detail_under(level, x0, y0, width, height);
+        if (terrain->paged && wait == TERRAIN_TRY &&
+            !paged_planet_window(terrain->paged, 0, e.x0, e.y0, (int)(e.x1 - e.x0), (int)(e.y1 - e.y0), NULL,
+                                 wait))
+            return false;
+        detail_window(&terrain->detail, level, x0, y0, width, height, out);
+        return true;
+    }
+    if (terrain->paged)
+        return (is_sphere(terrain) ? paged_planet_window : paged_window)(terrain->paged, level, x0, y0, width,
+                                                                         height, out, wait);
     if (is_sphere(terrain)) {
-        if (level < 0) {
-            detail_window(&terrain->detail, level, x0, y0, width, height, out);
-            return true;
-        }
         struct sphere_grid grid = sphere_level(&terrain->detail.grid, level);
         sphere_window(&grid, pyramid_level(&terrain->pyramid, level)->samples, x0, y0, width, height, out);
         return true;
@@ -356,6 +383,10 @@ static void widen_bounds(const struct pyramid_level *l, int64_t x0, int64_t y0, 
 static void sphere_bounds(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int64_t x1,
                           int64_t y1, int32_t *min_q, int32_t *max_q)
 {
+    if (terrain->paged) {
+        paged_planet_bounds(terrain->paged, level, x0, y0, x1, y1, min_q, max_q);
+        return;
+    }
     const struct pyramid_level *l = pyramid_level(&terrain->pyramid, level);
     struct sphere_grid grid = sphere_level(&terrain->detail.grid, level);
     int64_t rows = 2 * grid.pole, south = y0 + grid.pole, north = y1 + grid.pole;
@@ -391,12 +422,12 @@ static void detail_bounds(const struct terrain *terrain, int level, int64_t x0, 
 void terrain_bounds(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int64_t x1, int64_t y1,
                     int32_t *min_q, int32_t *max_q)
 {
-    if (terrain->paged) {
-        paged_bounds(terrain->paged, level, x0, y0, x1, y1, min_q, max_q);
-        return;
-    }
     if (is_sphere(terrain)) {
         (level < 0 ? detail_bounds : sphere_bounds)(terrain, level, x0, y0, x1, y1, min_q, max_q);
+        return;
+    }
+    if (terrain->paged) {
+        paged_bounds(terrain->paged, level, x0, y0, x1, y1, min_q, max_q);
         return;
     }
     const struct pyramid_level *l = pyramid_level(&terrain->pyramid, level);
@@ -408,7 +439,7 @@ void terrain_bounds(const struct terrain *terrain, int level, int64_t x0, int64_
 
 double terrain_error(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int64_t x1, int64_t y1)
 {
-    if (terrain->paged) return paged_error(terrain->paged, level, x0, y0, x1, y1);
+    if (terrain->paged && !is_sphere(terrain)) return paged_error(terrain->paged, level, x0, y0, x1, y1);
     return terrain_level(terrain, level).max_error_m;
 }
 

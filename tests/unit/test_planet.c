@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: MIT
 #include "tests/folder.h"
 
+#include "common/terrain/reader.h"
 #include "common/terrain/relief/relief_file.h"
 #include "common/terrain/relief/relief_pack.h"
 #include "common/terrain/sphere.h"
@@ -261,6 +262,53 @@ static void test_pixel_centred_planets_are_packed_as_their_grid(void **state)
     heightfield_finish(&field);
 }
 
+// On disk and in memory a planet is the same: any window of any level, over seam and poles, and bounds hold
+// it.
+static void test_planets_are_read_on_demand(void **state)
+{
+    enum { COLUMNS = 1440, ROWS = 721, SIDE = 90 };
+    (void)state;
+    struct heightfield field = planet(COLUMNS, ROWS, 0);
+    struct terrain *memory = in_memory(&field, TERRAIN_FILTER_DECIMATE);
+    relief_close(pack(&field, (struct relief_pack_options){.layout = LAYOUT_BOUNDED}));
+    const struct terrain_options options = {.cache_bytes = 1 << 20, .frame_samples = 4 * 128 * 128};
+    struct terrain *disk = terrain_load(in_folder("planet.relief"), &options);
+    assert_non_null(disk);
+    assert_null(terrain_extrema(disk));
+    const struct terrain_info *info = terrain_info(disk);
+    assert_true(info->coarsest > 0 && info->coarsest <= terrain_info(memory)->coarsest);
+    struct terrain_reader *reader = terrain_reader_create(disk, false);
+    static int32_t wanted[SIDE * SIDE], read[SIDE * SIDE];
+    uint64_t seed = 7, late = 0;
+    int frame = 0, windows = test_size(300, 20000);
+    for (int k = 0; k < windows; k++) {
+        int level = (int)(test_random(&seed) % (uint64_t)(info->coarsest + 1));
+        int width = 1 + (int)(test_random(&seed) % SIDE), height = 1 + (int)(test_random(&seed) % SIDE);
+        int64_t x0 = (int64_t)test_uniform(&seed, -2000, 2000) >> level,
+                y0 = (int64_t)test_uniform(&seed, -1200, 1200) >> level;
+        int32_t low, high;
+        struct terrain_level one = terrain_level(disk, level), other = terrain_level(memory, level);
+        assert_memory_equal(&one.extent, &other.extent, sizeof one.extent);
+        assert_true(one.spacing_m[0] == other.spacing_m[0] && one.spacing_m[1] == other.spacing_m[1]);
+        terrain_window(memory, level, x0, y0, width, height, wanted, TERRAIN_WAIT);
+        const double place[2] = {(double)x0 * one.spacing_m[0], (double)y0 * one.spacing_m[1]};
+        for (;; late++) { // the reader has all of it, in the end
+            terrain_reader_begin_frame(reader, frame++, place);
+            if (terrain_reader_window(reader, level, x0, y0, width, height, read)) break;
+            assert_true(late < 100 * (uint64_t)windows);
+        }
+        assert_memory_equal(read, wanted, (size_t)(width * height) * sizeof *read);
+        terrain_bounds(disk, level, x0, y0, x0 + width - 1, y0 + height - 1, &low, &high);
+        for (int i = 0; i < width * height; i++) assert_true(wanted[i] >= low && wanted[i] <= high);
+    }
+    FIGURE("planet on disk: %d windows as in memory, %lu frames late", windows, late);
+    assert_true(late > 0);
+    terrain_reader_destroy(reader);
+    terrain_destroy(disk);
+    terrain_destroy(memory);
+    heightfield_finish(&field);
+}
+
 static void write_text(const char *name, const char *text)
 {
     FILE *file = fopen(in_folder(name), "w");
@@ -366,6 +414,7 @@ int main(void)
         cmocka_unit_test(test_regions_and_threads_do_not_show),
         cmocka_unit_test(test_tiles_bound_their_samples),
         cmocka_unit_test(test_pixel_centred_planets_are_packed_as_their_grid),
+        cmocka_unit_test(test_planets_are_read_on_demand),
         cmocka_unit_test(test_a_made_planet_has_no_seam),
         cmocka_unit_test(test_other_tables_and_versions_are_refused),
     };

@@ -26,17 +26,6 @@ bool relief_is_name(const char *path)
     return length > 7 && strcasecmp(path + length - 7, ".relief") == 0;
 }
 
-bool relief_is_whole_planet(const char *path)
-{
-    uint8_t bytes[RELIEF_HEADER];
-    struct relief_header header;
-    FILE *file = fopen(path, "rb");
-    bool whole = file && fread(bytes, 1, sizeof bytes, file) == sizeof bytes &&
-                 relief_header_read(&header, bytes) == NULL && header.radius_m > 0;
-    if (file) fclose(file);
-    return whole;
-}
-
 static double cpu_seconds(void)
 {
     struct timespec t;

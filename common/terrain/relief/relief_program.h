@@ -11,8 +11,6 @@ int relief_unpack_main(int argc, char **argv);
 int relief_compare_main(int argc, char **argv);
 
 bool relief_is_name(const char *path); // ends in .relief
-// Whether it is the file of a whole planet, which is loaded into memory.
-bool relief_is_whole_planet(const char *path);
 // Prints what the file says of itself; decodes nothing.  Returns the exit code.
 int relief_print_info(const char *path, bool json);
 
