@@ -8,6 +8,7 @@
 #include "common/terrain/relief/relief_pack.h"
 #include "common/terrain/upsample.h"
 
+#include <fcntl.h>
 #include <signal.h>
 #include <string.h>
 #include <sys/resource.h>
@@ -383,6 +384,53 @@ static void test_interrupted_restarted_and_begun_otherwise(void **state)
     relief_source_finish(&c.source);
 }
 
+// What is told of progress grows to 100 % and no further, also when a pack is taken up again.
+static void test_progress_ends_at_100(void **state)
+{
+    (void)state;
+    struct counting c = {.left = 60};
+    struct relief_header header;
+    write_text("world.json", WORLD);
+    assert_true(relief_source_open(&c.source, in_folder("world.json"), 0));
+    struct relief_source source = c.source;
+    source.window = counted_window;
+    source.data = &c;
+    struct relief_pack_options options = WAVELET;
+    options.threads = 1;
+    options.region = 256;
+    options.progress = true;
+    options.interrupted = &c.raised;
+    fflush(stderr);
+    int kept = dup(2), file = open(in_folder("progress"), O_RDWR | O_CREAT | O_TRUNC, 0600);
+    dup2(file, 2);
+    bool broken = !relief_pack_source(&source, &options, in_folder("told.relief"), &header);
+    fputs("\n", stderr);
+    c.raised = 0;
+    bool good = relief_pack_source(&source, &options, in_folder("told.relief"), &header);
+    fflush(stderr);
+    dup2(kept, 2);
+    close(kept);
+    close(file);
+    assert_true(broken && good);
+    size_t size;
+    char *told = (char *)file_of("progress", &size);
+    told[size] = 0;
+    int lines = 0;
+    double before = 0, percent = 0;
+    for (char *at = told; (at = strchr(at, '%')); at++) {
+        char *number = at - 1;
+        while (number > told && strchr(" 0123456789.", number[-1])) number--;
+        percent = atof(number);
+        if (lines++ && memchr(told, '\n', (size_t)(at - told)) == NULL) assert_true(percent >= before);
+        assert_true(percent >= 0 && percent <= 100);
+        before = percent;
+    }
+    assert_true(lines >= 5 && percent == 100);
+    assert_null(strchr(told, '-'));
+    free(told);
+    relief_source_finish(&c.source);
+}
+
 static void test_a_full_disk_is_one_line_and_loses_nothing(void **state)
 {
     (void)state;
@@ -442,6 +490,7 @@ int main(void)
         cmocka_unit_test(test_specs_that_do_not_serve_are_one_line),
         cmocka_unit_test(test_killed_at_any_moment_it_goes_on),
         cmocka_unit_test(test_interrupted_restarted_and_begun_otherwise),
+        cmocka_unit_test(test_progress_ends_at_100),
         cmocka_unit_test(test_a_full_disk_is_one_line_and_loses_nothing),
         cmocka_unit_test(test_harmed_journals_are_not_believed),
     };

@@ -104,6 +104,7 @@ struct steps {
 // Those that return false have printed a line, left an error to store_fail, or were interrupted.
 
 double pack_seconds(void);
+void pack_progress_say(struct pack *p, const char *what); // what is being done now
 void pack_progress_end(const struct pack *p);
 bool pack_out_of_memory(struct pack *p); // prints it, once; returns false
 void *pack_take_room(struct pack *p, size_t bytes);

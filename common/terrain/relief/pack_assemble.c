@@ -231,7 +231,7 @@ bool pack_assemble(struct pack *p, struct relief_header *h)
     char out[4300];
     const uint8_t nothing[RELIEF_HEADER] = {0};
     snprintf(out, sizeof out, "%s/out", p->store.folder);
-    p->progress.what = "putting together";
+    pack_progress_say(p, "putting together");
     if (p->has_store) {
         store_drop_levels(&p->store, p->top.fine); // a pack killed from here on codes the top again
         a.file = fopen(out, "wb");

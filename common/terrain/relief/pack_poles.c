@@ -37,6 +37,7 @@ static bool find_pole(struct pack *p, const struct relief_planet *planet, int le
 bool pack_find_poles(struct pack *p, const struct planet_source *planet)
 {
     struct pack_poles *poles = &p->coder.poles;
+    pack_progress_say(p, "looking at the poles");
     for (int level = 0; level <= planet->planet.coarsest; level++) {
         for (int end = 0; end < 2; end++) {
             poles->q[level][end] = planet->pole_q[end];

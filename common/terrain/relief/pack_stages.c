@@ -22,22 +22,31 @@ double pack_seconds(void)
     return (double)t.tv_sec + (double)t.tv_nsec * 1e-9;
 }
 
-static void progress_add(struct pack *p, double work, bool counts)
+static void progress_show(struct pack *p)
+{
+    double now = pack_seconds(), done = p->progress.done, left = p->progress.all - done;
+    double left_s = done > 0 ? (now - p->progress.begun_s) * left / done : 0;
+    fprintf(stderr, "\r%s: %-22s %5.1f %%", p->source->name, p->progress.what,
+            p->progress.all > 0 ? 100 * done / p->progress.all : 0);
+    if (done > 0)
+        fprintf(stderr, "  %d:%02d:%02d left ", (int)(left_s / 3600), (int)(left_s / 60) % 60,
+                (int)left_s % 60);
+    p->progress.shown_s = now;
+}
+
+static void progress_add(struct pack *p, double work)
 {
     if (!p->options->progress) return;
     pthread_mutex_lock(&p->lock);
-    double now = pack_seconds();
     p->progress.done += work;
-    if (!counts) // done in an earlier run: no measure of speed
-        p->progress.all -= work, p->progress.done -= work;
-    if (now - p->progress.shown_s > 1 && p->progress.done > 0) {
-        double left_s = (now - p->progress.begun_s) * (p->progress.all / p->progress.done - 1);
-        fprintf(stderr, "\r%s: %-22s %5.1f %%  %d:%02d:%02d left ", p->source->name, p->progress.what,
-                100 * p->progress.done / p->progress.all, (int)(left_s / 3600), (int)(left_s / 60) % 60,
-                (int)left_s % 60);
-        p->progress.shown_s = now;
-    }
+    if (pack_seconds() - p->progress.shown_s > 1) progress_show(p);
     pthread_mutex_unlock(&p->lock);
+}
+
+void pack_progress_say(struct pack *p, const char *what)
+{
+    p->progress.what = what;
+    if (p->options->progress) progress_show(p);
 }
 
 void pack_progress_end(const struct pack *p)
@@ -273,7 +282,24 @@ static void run_region(int block, void *user)
     pack_give_room(p, room);
     region_finish(r);
     free(r);
-    progress_add(p, (w->code ? WORK_CODE : WORK_REDUCE) * work_of(w->stage, &core), true);
+    progress_add(p, (w->code ? WORK_CODE : WORK_REDUCE) * work_of(w->stage, &core));
+}
+
+// What is left to do of all stages, with what is done in this run, makes the whole.  Work of an earlier run
+// is no measure of speed.
+static void plan_progress(struct pack *p)
+{
+    p->progress.all = p->progress.done;
+    for (int i = 0; i < p->stage_count; i++) {
+        const struct stage *stage = &p->stages[i];
+        bool served = i + 1 < p->stage_count && stage_is_coded(&p->stages[i + 1]); // its levels are used up
+        for (int k = 0; k < stage->columns * stage->rows; k++) {
+            struct rect core = pack_core_of(p, stage, k);
+            int share = (stage->regions[k].coded ? 0 : WORK_CODE) +
+                        (stage->regions[k].reduced || served ? 0 : WORK_REDUCE);
+            p->progress.all += share * work_of(stage, &core);
+        }
+    }
 }
 
 static bool run_stage(struct pack *p, int number, bool code)
@@ -282,15 +308,10 @@ static bool run_stage(struct pack *p, int number, bool code)
     int count = (int)(stage->columns * stage->rows), left = 0;
     struct work w = {p, stage, number, malloc((size_t)count * sizeof(int)), code};
     if (!w.pending) return pack_out_of_memory(p);
-    for (int i = 0; i < count; i++) {
-        struct rect core = pack_core_of(p, stage, i);
-        double work = (code ? WORK_CODE : WORK_REDUCE) * work_of(stage, &core);
-        if (code ? stage->regions[i].coded : stage->regions[i].reduced)
-            progress_add(p, work, false);
-        else
-            w.pending[left++] = i;
-    }
-    p->progress.what = code ? "coding" : "reducing";
+    for (int i = 0; i < count; i++)
+        if (!(code ? stage->regions[i].coded : stage->regions[i].reduced)) w.pending[left++] = i;
+    plan_progress(p);
+    if (left > 0) pack_progress_say(p, code ? "coding" : "reducing");
     parallel_blocks(left, p->threads, run_region, &w);
     free(w.pending);
     return !pack_stopped(p);

@@ -180,7 +180,8 @@ static bool choose_steps(struct pack *p, struct steps *steps)
     *steps = (struct steps){p->options->rms_m / unit * 3.2, LAMBDA_65536, false};
     if (p->stage_count == 0) return search_step(p, NULL, (struct window){0.9985, 0.9993, 1}, steps);
     struct sample sample;
-    p->progress.what = "looking for the steps";
+    double start_s = pack_seconds();
+    pack_progress_say(p, "looking for the steps");
     bool good = sample_init(&sample, p);
     if (good) {
         sample.stride = sample.count >= 128 ? sample.count / 64 : 1; // a few squares tell where to look
@@ -188,6 +189,7 @@ static bool choose_steps(struct pack *p, struct steps *steps)
         sample.stride = 1;
         good = good && search_step(p, &sample, (struct window){0.988, 0.99, 0.992}, steps);
     }
+    p->progress.begun_s += pack_seconds() - start_s; // no measure of what is left
     free(sample.squares);
     free(sample.sums);
     return good;

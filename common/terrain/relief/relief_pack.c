@@ -81,7 +81,6 @@ static bool make_stages(struct pack *p)
         stage->rows = (size[1] + p->region - 1) / p->region;
         stage->regions = calloc((size_t)(stage->columns * stage->rows), sizeof *stage->regions);
         if (!stage->regions) return pack_out_of_memory(p);
-        p->progress.all += (WORK_CODE + WORK_REDUCE) * (double)size[0] * (double)size[1] * (i ? 0.5 : 1);
     }
     return true;
 }
