@@ -6,10 +6,10 @@
 #include "common/terrain/sphere.h"
 #include "common/view/path.h"
 #include "tests/gpu/settings.h"
+#include "tests/planet.h"
 
 #include <string.h>
 
-static const double RADIUS = 6371007, DEGREE = M_PI / 180;
 static const struct scene_effects effects = {.shading = SCENE_SHADING_COMMON};
 
 enum { WIDTH = 96, HEIGHT = 72, PIXELS = WIDTH * HEIGHT, COLUMNS = 512 };
@@ -42,31 +42,6 @@ static int teardown(void **state)
     free(f->others);
     free(f);
     return errors ? -1 : 0;
-}
-
-static struct terrain *planet(int finer)
-{
-    enum { ROWS = COLUMNS / 2 + 1 };
-    int32_t *samples = malloc((size_t)COLUMNS * ROWS * sizeof *samples);
-    for (int k = 0; k < COLUMNS * ROWS; k++) {
-        double longitude = 2 * M_PI * (k % COLUMNS) / COLUMNS,
-               latitude = M_PI * (k / COLUMNS) / (ROWS - 1) - M_PI / 2;
-        double x = cos(latitude) * cos(longitude), y = cos(latitude) * sin(longitude), z = sin(latitude);
-        samples[k] = (int32_t)lrint(2500 * sin(9 * x + 2 * y) * cos(6 * z - y) +
-                                    700 * sin(45 * x * y + 35 * z) * cos(38 * z - 20 * x));
-    }
-    struct terrain_grid grid = {.name = "planet",
-                                .samples = samples,
-                                .width = COLUMNS,
-                                .height = ROWS,
-                                .first = {-COLUMNS / 2, 0},
-                                .spacing_m = {1, 1},
-                                .quantum_m = 1};
-    struct terrain_options options = {.radius_m = RADIUS, .synthesize_levels = finer, .seed = 2};
-    struct terrain *terrain = terrain_from_grid(&grid, &options);
-    free(samples);
-    assert_non_null(terrain);
-    return terrain;
 }
 
 static struct renderer *create(const struct fixture *f, const struct terrain *terrain, const char *settings)
@@ -102,7 +77,7 @@ static void feed(const float *triangles, size_t count, void *user)
 static void a_flight_has_no_holes(void **state)
 {
     struct fixture *f = *state;
-    struct terrain *terrain = planet(14);
+    struct terrain *terrain = test_planet(COLUMNS, 2500, 9, 14);
     struct renderer *renderer = create(f, terrain, "n=127");
     struct truth_surface *surface = truth_surface_create(terrain);
     int frames = test_size(9, 400);
@@ -161,7 +136,7 @@ static double apart_px(const struct view *view, const float a[4], const float b[
 static void a_turn_more_is_the_same_picture(void **state)
 {
     struct fixture *f = *state;
-    struct terrain *terrain = planet(6);
+    struct terrain *terrain = test_planet(COLUMNS, 2500, 9, 6);
     static const double PLACES[3][2] = {{180, 20}, {-179.99, -40}, {30, 89.95}};
     double worst = 0;
     int sky = 0;
@@ -196,7 +171,7 @@ static void a_turn_more_is_the_same_picture(void **state)
 static void culling_is_right_and_pays(void **state)
 {
     struct fixture *f = *state;
-    struct terrain *terrain = planet(10);
+    struct terrain *terrain = test_planet(COLUMNS, 2500, 9, 10);
     struct renderer *all = create(f, terrain, "n=127 cull=off"), *culled = create(f, terrain, "n=127");
     double share = 0;
     int different = 0, views = test_size(8, 500);
@@ -265,7 +240,7 @@ static double counter(const struct renderer *renderer, const char *name)
 static void kept_vertices_draw_the_same(void **state)
 {
     struct fixture *f = *state;
-    struct terrain *terrain = planet(10);
+    struct terrain *terrain = test_planet(COLUMNS, 2500, 9, 10);
     struct renderer *renderers[2] = {create(f, terrain, "n=127 keep=off"), create(f, terrain, "n=127")};
     uint64_t seed = 14, transformed = 0;
     int frame = 0, compared = 0, different = 0, again = 0;
@@ -352,7 +327,7 @@ static void colours_by_level_are_those_of_the_place(void **state)
     enum { W = 512, H = 256 };
     const double BOUND = 4 * 0.5 * 1.49 + 0.5 + 0.5 * 160 / 128 + 0.3;
     struct fixture *f = *state;
-    struct terrain *terrain = planet(6);
+    struct terrain *terrain = test_planet(COLUMNS, 2500, 9, 6);
     struct scene_colour colours[2];
     struct renderer *renderers[2];
     struct gpu_target target;
@@ -421,7 +396,7 @@ static void plane_and_sphere_agree(void **state)
 {
     enum { SIDE = 513 };
     struct fixture *f = *state;
-    struct terrain *sphere = planet(16);
+    struct terrain *sphere = test_planet(COLUMNS, 2500, 9, 16);
     const struct terrain_info *info = terrain_info(sphere);
     static int32_t samples[SIDE * SIDE];
     terrain_window(sphere, info->finest, -SIDE / 2, -SIDE / 2, SIDE, SIDE, samples, TERRAIN_WAIT);
