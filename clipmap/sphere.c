@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { HEIGHTS_UNIT = 0 };
+enum { HEIGHTS_UNIT = 0, WHOLE_UNIT = 2 }; // colours are on 1
 
 struct sphere_view {
     struct sphere_store stores[SPHERE_MAX_LEVELS];
@@ -26,6 +26,7 @@ struct sphere_view {
     struct sphere_colours colours;
     uint64_t colours_read;
     GLuint heights; // one layer a level
+    GLuint whole;   // the coarsest
     uint64_t texels_read, texels_left;
     int levels_behind; // that do not hold all they want to
     int finest_there;  // level: what is finer is not there yet
@@ -34,7 +35,7 @@ struct sphere_view {
 
 struct sphere_program {
     struct gpu_program program;
-    GLint heights, windows, grids, viewer, pattern, polar;
+    GLint heights, whole, windows, grids, viewer, pattern, polar;
 };
 
 struct refilling {
@@ -69,6 +70,7 @@ static bool build_program(struct clipmap_sphere *s, struct sphere_program *p, co
     if (!gpu_program_build(s->gpu, &p->program, "clipmap/sphere.vert", defines, effects, pass)) return false;
     GLuint name = p->program.name;
     p->heights = glGetUniformLocation(name, "heights");
+    p->whole = glGetUniformLocation(name, "whole");
     p->windows = glGetUniformLocation(name, "windows");
     p->grids = glGetUniformLocation(name, "grids");
     p->viewer = glGetUniformLocation(name, "viewer");
@@ -79,12 +81,14 @@ static bool build_program(struct clipmap_sphere *s, struct sphere_program *p, co
 
 static bool build_programs(struct clipmap_sphere *s, const struct scene_effects *effects)
 {
-    char defines[192];
+    char defines[256];
     for (int kept = 0; kept < 2; kept++) {
-        snprintf(defines, sizeof defines,
-                 GPU_SPHERE "#define SIZE %d\n#define FORM %d\n#define FETCH %d\n%s%s", s->shape.size,
-                 (int)s->choice.form, (int)s->choice.fetch, kept ? "#define KEPT\n" : "",
-                 s->own_colour ? "#define OWN_COLOUR\n" : "");
+        snprintf(
+            defines, sizeof defines,
+            GPU_SPHERE
+            "#define SIZE %d\n#define WHOLE %d\n#define LAST %d\n#define FORM %d\n#define FETCH %d\n%s%s",
+            s->shape.size, s->shape.whole, s->layers - 1, (int)s->choice.form, (int)s->choice.fetch,
+            kept ? "#define KEPT\n" : "", s->own_colour ? "#define OWN_COLOUR\n" : "");
         for (int pass = 0; pass < PASS_COUNT; pass++)
             if (!build_program(s, &s->programs[pass][kept], defines, effects, (enum render_pass)pass))
                 return false;
@@ -94,21 +98,36 @@ static bool build_programs(struct clipmap_sphere *s, const struct scene_effects 
 
 // ---- one viewer ------------------------------------------------------------
 
+static void bind_heights(const struct sphere_view *own)
+{
+    glActiveTexture(GL_TEXTURE0 + WHOLE_UNIT);
+    glBindTexture(GL_TEXTURE_2D, own->whole);
+    glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, own->heights);
+}
+
 static bool create_view(struct clipmap_sphere *s, struct sphere_view *own)
 {
     if (!sphere_blocks_init(&own->blocks, &s->mesh)) return false;
     if (s->own_colour) sphere_colours_init(&own->colours, &s->colour);
     for (int k = 0; k < s->layers; k++) {
         own->stores[k].held.box = clipmap_empty;
-        if (!sphere_ranges_init(&own->ranges[k], s->shape.size)) return false;
+        if (!sphere_ranges_init(&own->ranges[k], sphere_level_size(&s->shape, s->shape.finest + k)))
+            return false;
     }
     glGenTextures(1, &own->heights);
+    glGenTextures(1, &own->whole);
+    bind_heights(own);
+    for (int k = 0; k < 2; k++) {
+        GLenum target = k ? GL_TEXTURE_2D : GL_TEXTURE_2D_ARRAY;
+        glActiveTexture(GL_TEXTURE0 + (k ? WHOLE_UNIT : HEIGHTS_UNIT));
+        glTexParameteri(target, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+        glTexParameteri(target, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+        glTexParameteri(target, GL_TEXTURE_MAX_LEVEL, 0);
+    }
+    glTexImage2D(GL_TEXTURE_2D, 0, GL_R32F, s->shape.whole, s->shape.whole, 0, GL_RED, GL_FLOAT, NULL);
     glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
-    glBindTexture(GL_TEXTURE_2D_ARRAY, own->heights);
-    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
-    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
-    glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAX_LEVEL, 0);
-    glTexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_R32F, s->shape.size, s->shape.size, s->layers, 0, GL_RED,
+    glTexImage3D(GL_TEXTURE_2D_ARRAY, 0, GL_R32F, s->shape.size, s->shape.size, s->layers - 1, 0, GL_RED,
                  GL_FLOAT, NULL);
     return true;
 }
@@ -120,7 +139,10 @@ static void read_heights(void *user, int level, int decimation, const struct cli
     struct clipmap_sphere *s = refilling->sphere;
     sphere_read_texels(&s->shape, s->terrain, level, decimation, box, s->scratch, s->columns);
     sphere_ranges_add(&refilling->view->ranges[level - s->shape.finest], box, s->scratch);
-    gpu_texture_sub_image(s->gpu, GL_TEXTURE_2D_ARRAY, level - s->shape.finest, slot_x, slot_y,
+    bool whole = level == s->shape.coarsest;
+    glActiveTexture(GL_TEXTURE0 + (whole ? WHOLE_UNIT : HEIGHTS_UNIT));
+    gpu_texture_sub_image(s->gpu, whole ? GL_TEXTURE_2D : GL_TEXTURE_2D_ARRAY,
+                          whole ? -1 : level - s->shape.finest, slot_x, slot_y,
                           (int)(box->hi[0] - box->lo[0] + 1), (int)(box->hi[1] - box->lo[1] + 1), GL_RED,
                           GL_FLOAT, s->scratch);
 }
@@ -144,8 +166,7 @@ static void refill(struct clipmap_sphere *s, struct sphere_view *own)
     own->texels_read = 0;
     own->levels_behind = 0;
     own->finest_there = shape->coarsest;
-    glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
-    glBindTexture(GL_TEXTURE_2D_ARRAY, own->heights);
+    bind_heights(own);
     for (int level = shape->coarsest; level >= finest; level--) {
         struct sphere_store *store = &own->stores[level - shape->finest];
         struct sphere_window wanted = sphere_window_wanted(shape, level, place);
@@ -153,9 +174,9 @@ static void refill(struct clipmap_sphere *s, struct sphere_view *own)
         if (s->choice.rebuild) store->held.box = clipmap_empty;
         if (store->held.decimation != wanted.decimation || store->held.around != wanted.around)
             sphere_ranges_clear(&own->ranges[level - shape->finest]);
-        uint64_t read =
-            sphere_store_move(store, shape->size, level, &wanted, limited ? own->texels_left : UINT64_MAX,
-                              s->wait || s->choice.rebuild || level == shape->coarsest, &source);
+        uint64_t read = sphere_store_move(store, sphere_level_size(shape, level), level, &wanted,
+                                          limited ? own->texels_left : UINT64_MAX,
+                                          s->wait || s->choice.rebuild || level == shape->coarsest, &source);
         if (limited) own->texels_left -= read;
         own->texels_read += read;
         own->levels_behind += !clipmap_box_equal(&store->held.box, &wanted.box);
@@ -295,6 +316,7 @@ static void set_uniforms(const struct clipmap_sphere *s, const struct sphere_pro
         sphere_window_uniforms(&s->shape, s->shape.finest + k, &own->stores[k].held, place, windows[k],
                                grids[k]);
     glUniform1i(p->heights, HEIGHTS_UNIT);
+    glUniform1i(p->whole, WHOLE_UNIT);
     glUniform4iv(p->windows, s->layers, &windows[0][0]);
     glUniform4fv(p->grids, s->layers, &grids[0][0]);
     glUniform4f(p->viewer, (float)cos(latitude), (float)sin(latitude),
@@ -321,8 +343,7 @@ void clipmap_sphere_draw(struct clipmap_sphere *s, int view_index, enum render_p
     struct sphere_view *own = &s->views[view_index];
     bool kept = s->choice.keep && own->drawn++ > 0;
     if (!own->blocks.draws) return;
-    glActiveTexture(GL_TEXTURE0 + HEIGHTS_UNIT);
-    glBindTexture(GL_TEXTURE_2D_ARRAY, own->heights);
+    bind_heights(own);
     if (kept) {
         use_program(s, own, PASS_DEPTH, false);
         own->transformed += sphere_blocks_keep(&own->blocks, &s->mesh);
@@ -334,8 +355,8 @@ void clipmap_sphere_draw(struct clipmap_sphere *s, int view_index, enum render_p
 void clipmap_sphere_stats(const struct clipmap_sphere *s, struct renderer_stats *stats)
 {
     const struct sphere_view *own = &s->views[0];
-    uint64_t texture =
-        (uint64_t)s->shape.size * (uint64_t)s->shape.size * (uint64_t)s->layers * sizeof(float);
+    uint64_t size = (uint64_t)s->shape.size, whole = (uint64_t)s->shape.whole;
+    uint64_t texture = (size * size * (uint64_t)(s->layers - 1) + whole * whole) * sizeof(float);
     double level_outer = sphere_level_at(&s->shape, sphere_ring_angle(&s->rings, own->range.outer));
     double level_inner = sphere_level_at(&s->shape, sphere_ring_angle(&s->rings, own->range.inner));
     level_outer = fmin(fmax(level_outer, own->least), s->shape.coarsest);
@@ -369,6 +390,7 @@ void clipmap_sphere_destroy(struct clipmap_sphere *s)
     for (int k = 0; k < 2 * PASS_COUNT; k++) gpu_program_finish(&s->programs[k / 2][k % 2].program);
     for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {
         if (s->views[i].heights) glDeleteTextures(1, &s->views[i].heights);
+        if (s->views[i].whole) glDeleteTextures(1, &s->views[i].whole);
         sphere_blocks_finish(&s->views[i].blocks);
         for (int k = 0; k < s->layers; k++) sphere_ranges_finish(&s->views[i].ranges[k]);
         sphere_colours_finish(&s->views[i].colours);
@@ -394,7 +416,8 @@ struct clipmap_sphere *clipmap_sphere_create(const struct renderer_desc *desc,
     s->rings = sphere_rings_make(choice->n);
     sphere_shape_init(&s->shape, desc->terrain, s->rings.azimuths, choice->texture);
     s->layers = s->shape.coarsest - s->shape.finest + 1;
-    size_t texels = (size_t)s->shape.size * (size_t)s->shape.size;
+    size_t side = (size_t)(s->shape.size > s->shape.whole ? s->shape.size : s->shape.whole);
+    size_t texels = side * side;
     s->scratch = malloc(texels * sizeof *s->scratch);
     s->columns = malloc((texels + 1) * sizeof *s->columns);
     s->own_colour = desc->effects->shading == SCENE_SHADING_OWN && desc->effects->colour;

@@ -1,6 +1,6 @@
 // A vertex of a ring about the viewer over a sphere (Clasen & Hege 2006, sections 3.3 and 5.1): it turns with the pattern,
 // finds its longitude and latitude relative to the viewer's, samples one level or a blend of two, and is placed radially.
-// SIZE: texels on a side.  FORM: 0 stable, 1 corrected, 2 published (sphere_rings.h); sphere_angles() is this program's twin.
+// SIZE: texels on a side; LAST: the coarsest layer.  FORM: 0 stable, 1 corrected, 2 published (sphere_rings.h); sphere_angles() is this program's twin.
 // FETCH: 0 the level's triangles, 1 four texels of one level, 2 eight of two (sphere.h).
 // KEPT: all of this was done in a frame before.
 
@@ -14,7 +14,8 @@ vec3 relative_position()
 #else
 layout(location = 0) in vec4 ring; // east, north, 1 - cos(angle), and the ring's number
 
-uniform sampler2DArray heights;
+uniform sampler2DArray heights; // all levels but the coarsest
+uniform sampler2D whole;        // that one, WHOLE texels on a side
 uniform ivec4 windows[32]; // x, y: slot of the viewer's texel; z: texels of a turn or SIZE
 uniform vec4 grids[32];    // xy: texels per radian; zw: the viewer's fraction of a texel
 uniform vec4 viewer;       // sine and cosine of the polar angle; level of ring 0; levels a ring
@@ -59,7 +60,7 @@ vec2 angles_of(vec3 v)
 
 float texel(ivec2 slot, int layer)
 {
-    return texelFetch(heights, ivec3(slot, layer), 0).x;
+    return layer == LAST ? texelFetch(whole, slot, 0).x : texelFetch(heights, ivec3(slot, layer), 0).x;
 }
 
 // The surface of a level: its triangles, split along (i, j)-(i+1, j+1) as everywhere.
@@ -69,7 +70,8 @@ float height_in(int layer, vec2 angles)
     ivec4 window = windows[layer];
     vec2 place = angles * grid.xy + grid.zw, corner = floor(place), f = place - corner;
     int x0 = (int(corner.x) + window.x + 2 * window.z) % window.z, x1 = x0 + 1 == window.z ? 0 : x0 + 1;
-    int y0 = (int(corner.y) + window.y + 2 * SIZE) % SIZE, y1 = y0 + 1 == SIZE ? 0 : y0 + 1;
+    int size = layer == LAST ? WHOLE : SIZE;
+    int y0 = (int(corner.y) + window.y + 2 * size) % size, y1 = y0 + 1 == size ? 0 : y0 + 1;
     float sw = texel(ivec2(x0, y0), layer), ne = texel(ivec2(x1, y1), layer);
 #if FETCH == 0
     float other = f.x >= f.y ? texel(ivec2(x1, y0), layer) : texel(ivec2(x0, y1), layer);

@@ -85,6 +85,7 @@ void sphere_image_shape(const struct sphere_image *image, double radius_m, int a
     while (shape->coarsest + 1 < image->count && shape->coarsest < sphere_level_at(shape, M_PI))
         shape->coarsest++;
     sphere_shape_size(shape);
+    shape->size = shape->whole = shape->size > shape->whole ? shape->size : shape->whole; // one array
 }
 
 // ---- what views share --------------------------------------------------------

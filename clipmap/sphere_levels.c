@@ -31,14 +31,18 @@ void sphere_shape_init(struct sphere_shape *shape, const struct terrain *terrain
 
 void sphere_shape_size(struct sphere_shape *shape)
 {
-    // Twice what rows need, for columns crowd; a turn must fit when no more columns can be taken together,
-    // and the coarsest level whole.
-    int64_t turn = shape->columns >> shape->coarsest, rows = 2 * (shape->pole >> shape->coarsest) + 1;
-    int wide = (int)ceil(2 * shape->texture * shape->azimuths);
-    while (turn % 2 == 0 && turn > wide) turn /= 2;
-    int64_t least = (turn > rows ? turn : rows) + 2 * MARGIN;
-    shape->size = (int)(least > wide ? least : wide);
-    if (shape->size < 4 * (MARGIN + SNAP)) shape->size = 4 * (MARGIN + SNAP);
+    // Twice what rows need, for columns crowd; a turn must fit when no more columns can be taken together.
+    int64_t columns = shape->columns >> shape->coarsest, rows = 2 * (shape->pole >> shape->coarsest) + 1;
+    int64_t size = (int64_t)ceil(2 * shape->texture * shape->azimuths), turn = columns;
+    while (turn % 2 == 0 && turn > size) turn /= 2;
+    size = size > turn ? size : turn;
+    shape->size = (int)(size > 4 * (MARGIN + SNAP) ? size : 4 * (MARGIN + SNAP));
+    shape->whole = (int)((columns > rows ? columns : rows) + 2 * MARGIN);
+}
+
+int sphere_level_size(const struct sphere_shape *shape, int level)
+{
+    return level == shape->coarsest ? shape->whole : shape->size;
 }
 
 static int sampled_level(const struct sphere_shape *shape, int level)
@@ -88,19 +92,20 @@ struct sphere_window sphere_window_wanted(const struct sphere_shape *shape, int 
     double angle = reach_of(shape, level);
     double half = half_longitude(angle, place_m[1] / shape->radius_m) * shape->radius_m / column_m;
     int64_t turn = turn_of(shape, level);
-    struct sphere_window window = {.period = shape->size};
+    int size = sphere_level_size(shape, level);
+    struct sphere_window window = {.period = size};
     bool fits = !isnan(half);
-    while (fits && half / (1 << window.decimation) + MARGIN + SNAP > shape->size / 2.0) {
+    while (fits && half / (1 << window.decimation) + MARGIN + SNAP > size / 2.0) {
         window.decimation++;
         fits = turn % ((int64_t)1 << window.decimation) == 0 && window.decimation < 30;
     }
-    if (!fits || turn >> window.decimation <= shape->size) { // then the turn is no larger than a window
-        for (window.decimation = 0; turn >> window.decimation > shape->size; window.decimation++) continue;
+    if (!fits || turn >> window.decimation <= size) { // then the turn is no larger than a window
+        for (window.decimation = 0; turn >> window.decimation > size; window.decimation++) continue;
         window.around = true;
         window.period = (int)(turn >> window.decimation);
     }
     double x = place_m[0] / ldexp(column_m, window.decimation), y = place_m[1] / spacing_m;
-    double rows = fmin(angle * shape->radius_m / spacing_m, shape->size / 2.0 - SNAP - MARGIN) + MARGIN;
+    double rows = fmin(angle * shape->radius_m / spacing_m, size / 2.0 - SNAP - MARGIN) + MARGIN;
     window.box.lo[1] = snap_down(y - rows);
     window.box.hi[1] = snap_down(y + rows) + SNAP;
     if (level == shape->coarsest) { // all rows there are, wherever the viewer is
@@ -162,7 +167,7 @@ void sphere_window_uniforms(const struct sphere_shape *shape, int level, const s
     if (!window->period) return;
     sphere_window_origin(shape, level, window, place_m, texel, grid + 2);
     slots[0] = clipmap_slot(texel[0], window->period);
-    slots[1] = clipmap_slot(texel[1], shape->size);
+    slots[1] = clipmap_slot(texel[1], sphere_level_size(shape, level));
     slots[2] = window->period;
     for (int axis = 0; axis < 2; axis++)
         grid[axis] = (float)(shape->radius_m /

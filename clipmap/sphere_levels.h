@@ -20,7 +20,8 @@ struct sphere_shape {
     double texture;       // texels across what a level serves, as a share of the azimuths
     int sampled;          // the terrain's finest level
     int finest, coarsest; // levels; those finer than `sampled` are so in longitude only
-    int size;             // texels on a side
+    int size;             // texels on a side of a level's texture
+    int whole;            // of the coarsest's, which holds the planet
     double radius_m;
     double spacing_m[2];    // of level 0
     double offset;          // sample i stands at (i + offset) spacings: 0, or 1/2 for the middles of cells
@@ -32,7 +33,8 @@ struct sphere_shape {
 void sphere_shape_init(struct sphere_shape *shape, const struct terrain *terrain, int azimuths,
                        double texture);
 
-void sphere_shape_size(struct sphere_shape *shape); // sets `size` by the rest
+void sphere_shape_size(struct sphere_shape *shape); // sets `size` and `whole` by the rest
+int sphere_level_size(const struct sphere_shape *shape, int level);
 // The level, a real number, that a ring samples: level l from where its window has half of its width to where
 // it has all of it, level l + 1.
 double sphere_level_at(const struct sphere_shape *shape, double angle);

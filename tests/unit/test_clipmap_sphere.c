@@ -214,7 +214,8 @@ static void check_windows(const struct sphere_shape *shape, double longitude, do
     double place[2] = {longitude * shape->radius_m, latitude * shape->radius_m};
     for (int level = shape->finest; level <= shape->coarsest; level++) {
         struct sphere_window w = sphere_window_wanted(shape, level, place);
-        assert_true(w.box.hi[0] - w.box.lo[0] < shape->size && w.box.hi[1] - w.box.lo[1] < shape->size);
+        int size = sphere_level_size(shape, level);
+        assert_true(w.box.hi[0] - w.box.lo[0] < size && w.box.hi[1] - w.box.lo[1] < size);
         assert_true(window_holds(shape, level, &w, place) && sphere_window_serves(shape, level, &w, place));
     }
 }
@@ -445,19 +446,21 @@ static void walks_leave_levels_whole(void **state)
     struct terrain *terrain = test_planet(512, 3000, 7, 4);
     struct sphere_shape shape;
     sphere_shape_init(&shape, terrain, 64, 0.5);
-    size_t count = (size_t)shape.size * (size_t)shape.size;
+    int side = shape.size > shape.whole ? shape.size : shape.whole;
+    size_t count = (size_t)side * (size_t)side;
     float *heights = malloc(count * sizeof *heights);
     int32_t *columns = malloc((count + 1) * sizeof *columns);
     struct memory walked = {shape.size, calloc(count, sizeof(float)), heights, columns, &shape, terrain,
                             NULL},
                   fresh = {shape.size, calloc(count, sizeof(float)), heights, columns, &shape, terrain, NULL};
     struct sphere_ranges ranges;
-    assert_true(sphere_ranges_init(&ranges, shape.size));
+    assert_true(sphere_ranges_init(&ranges, side));
     walked.ranges = &ranges;
     const struct sphere_source into_walked = {read_memory, NULL, &walked},
                                into_fresh = {read_memory, NULL, &fresh};
     uint64_t seed = 3, steady = 0, steps = 0;
     for (int level = shape.finest; level <= shape.coarsest; level++) {
+        int size = walked.size = fresh.size = sphere_level_size(&shape, level);
         struct sphere_store store = {.held.box = {{0, 0}, {-1, -1}}};
         double place[2] = {1.2 * RADIUS, 1.3 * RADIUS}, cell = ldexp(shape.spacing_m[1], level);
         for (int step = 0; step < test_size(12, 400); step++) {
@@ -469,18 +472,16 @@ static void walks_leave_levels_whole(void **state)
             struct sphere_window wanted = sphere_window_wanted(&shape, level, place);
             bool kept = wanted.decimation == store.held.decimation && wanted.around == store.held.around;
             if (!kept || step == 0) sphere_ranges_clear(&ranges);
-            uint64_t read =
-                sphere_store_move(&store, shape.size, level, &wanted, UINT64_MAX, false, &into_walked);
+            uint64_t read = sphere_store_move(&store, size, level, &wanted, UINT64_MAX, false, &into_walked);
             assert_true(clipmap_box_equal(&store.held.box, &wanted.box));
             check_ranges(&walked, level, &store.held, place, &seed);
             if (step && !jump && kept) steady += read, steps++;
         }
         struct sphere_store other = {.held.box = {{0, 0}, {-1, -1}}};
-        sphere_store_move(&other, shape.size, level, &store.held, UINT64_MAX, false, &into_fresh);
+        sphere_store_move(&other, size, level, &store.held, UINT64_MAX, false, &into_fresh);
         for (int64_t y = store.held.box.lo[1]; y <= store.held.box.hi[1]; y++)
             for (int64_t x = store.held.box.lo[0]; x <= store.held.box.hi[0]; x++) {
-                size_t at = (size_t)clipmap_slot(y, shape.size) * (size_t)shape.size +
-                            (size_t)clipmap_slot(x, shape.size);
+                size_t at = (size_t)clipmap_slot(y, size) * (size_t)size + (size_t)clipmap_slot(x, size);
                 assert_true(walked.texels[at] == fresh.texels[at]);
             }
     }
