@@ -105,6 +105,16 @@ deps: ## install the Debian packages that building, testing and reporting need (
 	 elif [ "$$(id -u)" = 0 ]; then apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends $$missing; \
 	 else echo "deps: these packages are missing:" $$missing; sudo apt-get update && sudo apt-get install --no-install-recommends $$missing; fi
 
+# Earth for those who have no map of it: NOAA's ETOPO5, public domain, out of Debian's ferret-datasets; scenes look
+# into data/ first.
+ETOPO5 ?= /usr/share/ferret-vis/data/etopo5.cdf
+data: ## Earth's relief (ETOPO5, from Debian's ferret-datasets) and tints for it, to data/ where the earth scenes find them
+	$(MAKE) --no-print-directory $(BUILD)/terrain
+	@if [ ! -r $(ETOPO5) ]; then $(MAKE) --no-print-directory deps PACKAGES=ferret-datasets; fi
+	mkdir -p data
+	$(BUILD)/terrain import $(ETOPO5) data/earth_etopo5_4320x2161.png
+	$(BUILD)/terrain tint data/earth_etopo5_4320x2161.png data/earth_colour_4096x2048.png --size 4096x2048
+
 # `make deps bench` on a new machine: pkg-config did not know the libraries when this file was read, so the work
 # is done by a make that starts after deps.
 bench: | $(filter deps,$(MAKECMDGOALS)) ## the main job: fly the default scene through every renderer, leave reports/default/index.html
@@ -190,4 +200,4 @@ clean: ## remove what was built
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
-.PHONY: all deps bench papers us-scale earth-scale tables test soak run-tests fuzz check format format-check lint layers headers report install clean help
+.PHONY: all deps data bench papers us-scale earth-scale tables test soak run-tests fuzz check format format-check lint layers headers report install clean help

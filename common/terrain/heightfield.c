@@ -4,6 +4,7 @@
 #include "common/image.h"
 #include "common/report.h"
 #include "common/terrain/heightfield_gdal.h"
+#include "common/terrain/heightfield_netcdf.h"
 #include "common/terrain/relief/relief_file.h"
 #include "common/terrain/sidecar.h"
 
@@ -280,6 +281,15 @@ static bool load_raw(struct heightfield *field, const char *path)
     return good;
 }
 
+static bool load_netcdf(struct heightfield *field, const char *path)
+{
+    size_t size = 0;
+    unsigned char *data = read_whole(path, "a file of NetCDF's classic format", &size);
+    bool good = data && heightfield_load_netcdf(field, path, data, size);
+    free(data);
+    return good;
+}
+
 // ---- floats to integers ----------------------------------------------------
 
 bool heightfield_quantise(struct heightfield *field, const double *height_m, int bits)
@@ -331,11 +341,12 @@ static bool load_any(struct heightfield *field, const char *path)
     if (ends_in(path, ".hgt")) return load_hgt(field, path);
     if (ends_in(path, ".relief")) return relief_load(field, path);
     if (heightfield_is_raw(path)) return load_raw(field, path);
+    if (ends_in(path, ".nc") || ends_in(path, ".cdf")) return load_netcdf(field, path);
 #ifdef RELIEF_GDAL
     return heightfield_load_gdal(field, path);
 #else
-    return fail("%s: not a kind of file that is known; .png, .hgt, .relief or .raw is accepted (more when "
-                "built with GDAL)",
+    return fail("%s: not a kind of file that is known; .png, .hgt, .relief, .nc or .raw is accepted (more "
+                "when built with GDAL)",
                 path);
 #endif
 }

@@ -2,10 +2,10 @@
 //
 // Read by the end of the name:
 //   .png   16-bit grey, with a sidecar NAME.json; without one: 30 m between samples, a metre a step, and a
-//   note .hgt   SRTM: a square of big-endian int16, -32768 void; N47W122 in the name gives the latitude, so
-//   the spacing in x .relief   compressed by `terrain pack`: its level 0 is decoded (relief_file.h) .raw .bin
-//   .r16 .f32 ...   headerless, with a sidecar NAME.json that gives width, height and dtype any other, when
-//   built with GDAL: what GDAL reads
+//   note .nc .cdf   NetCDF's classic format (heightfield_netcdf.h) .hgt   SRTM: a square of big-endian int16,
+//   -32768 void; N47W122 in the name gives the latitude, so the spacing in x .relief   compressed by `terrain
+//   pack`: its level 0 is decoded (relief_file.h) .raw .bin .r16 .f32 ...   headerless, with a sidecar
+//   NAME.json that gives width, height and dtype any other, when built with GDAL: what GDAL reads
 //
 // Sidecar (JSON; unknown keys are ignored):  height_m = sample * height_scale + height_offset
 //   spacing_m       metres between samples, a number or [x, y]; required

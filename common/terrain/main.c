@@ -6,6 +6,7 @@
 #include "common/terrain/heightfield.h"
 #include "common/terrain/relief/relief_program.h"
 #include "common/terrain/terrain.h"
+#include "common/terrain/tint.h"
 
 #include <cjson/cJSON.h>
 #include <stdio.h>
@@ -14,6 +15,7 @@
 static const char HELP[] =
     "usage: terrain info [--json] [--synthesize N] FILE\n"
     "       terrain import IN OUT.png\n"
+    "       terrain tint IN OUT.png [--size WxH]\n"
     "       terrain generate OUT.png [--kind K] [--size WxH] [--spacing M] [--relief M] [--seed N]\n"
     "       terrain pack IN OUT.relief (--rms M | --max M | --lossless) [--codec C] [--memory MIB]\n"
     "                    [--threads N] [--restart] [--progress]\n"
@@ -24,6 +26,7 @@ static const char HELP[] =
     "\n"
     "info      what an elevation file holds: its size, heights, voids, and the error of each level\n"
     "import    any elevation file to a 16-bit PNG with a JSON sidecar\n"
+    "tint      a colour image for an elevation file that has none: an atlas's tints by height\n"
     "generate  made terrain: shapes with known answers and a seeded fractal\n"
     "pack      any elevation file, or a .json that tells what to generate, to a compressed one: to an rms "
     "error\n"
@@ -163,6 +166,26 @@ static int import_main(int argc, char **argv)
     return good ? EXIT_GOOD : EXIT_WORLD;
 }
 
+// ---- tint ------------------------------------------------------------------
+
+static int tint_main(int argc, char **argv)
+{
+    const char *words[2] = {NULL, NULL};
+    int count = 2, size[2] = {2048, 1024};
+    const struct cli_option options[] = {
+        {"size", "WxH", "pixels of the image", CLI_SIZE, size, 1, 16384, NULL},
+        {0},
+    };
+    if (!cli_parse(argc, argv, options, words, &count)) return EXIT_COMMAND_LINE;
+    if (count != 2 || !is_png(words[1]))
+        return fail("tint: an elevation file and a name that ends in .png are expected"), EXIT_COMMAND_LINE;
+    struct heightfield field;
+    if (!heightfield_load(&field, words[0])) return EXIT_WORLD;
+    bool good = tint_save(&field, words[1], size[0], size[1]);
+    heightfield_finish(&field);
+    return good ? EXIT_GOOD : EXIT_WORLD;
+}
+
 // ---- generate --------------------------------------------------------------
 
 static int generate_main(int argc, char **argv)
@@ -203,16 +226,20 @@ int main(int argc, char **argv)
     static const struct {
         const char *name;
         int (*run)(int argc, char **argv);
-    } COMMANDS[] = {
-        {"info", info_main},        {"import", import_main},        {"generate", generate_main},
-        {"pack", relief_pack_main}, {"unpack", relief_unpack_main}, {"compare", relief_compare_main}};
+    } COMMANDS[] = {{"info", info_main},
+                    {"import", import_main},
+                    {"tint", tint_main},
+                    {"generate", generate_main},
+                    {"pack", relief_pack_main},
+                    {"unpack", relief_unpack_main},
+                    {"compare", relief_compare_main}};
     for (int i = 1; i < argc; i++) {
         if (strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0) return fputs(HELP, stdout) < 0;
         if (strcmp(argv[i], "--version") == 0) return printf("terrain (relief) %s\n", RELIEF_VERSION) < 0;
     }
     for (size_t i = 0; argc > 1 && i < sizeof COMMANDS / sizeof *COMMANDS; i++)
         if (strcmp(argv[1], COMMANDS[i].name) == 0) return COMMANDS[i].run(argc - 1, argv + 1);
-    fail("%s: info, import, generate, pack, unpack or compare is expected; --help tells more",
+    fail("%s: info, import, tint, generate, pack, unpack or compare is expected; --help tells more",
          argc > 1 ? argv[1] : "terrain");
     return EXIT_COMMAND_LINE;
 }
