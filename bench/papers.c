@@ -37,6 +37,8 @@ static const struct papers_entry {
     {"sphere-sampling", "Clasen & Hege 2006, sections 4.2 and 5.2, height textures", papers_sphere_sampling},
     {"geomipmap-sets", "Brodersen 2005, section 5, index sets", papers_geomipmap_sets},
     {"geomipmap-rate", "Brodersen 2005, sections 4 to 6", papers_geomipmap_rate},
+    {"geomipmap-work", "Brodersen 2005, section 6, CPU work", papers_geomipmap_work},
+    {"geomipmap-large", "Brodersen 2005, section 6, a large map", papers_geomipmap_large},
 };
 enum { ENTRIES = sizeof entries / sizeof entries[0] };
 

@@ -74,7 +74,8 @@ struct papers_flight { // one setting over a whole path
     double frame_ms, update_ms, draw_ms; // measured: median over frames of the minimum over repeats
     double triangles;                    // mean a frame, as submitted
     double triangles_per_s;
-    struct renderer_stats stats; // of the last frame
+    struct renderer_stats stats;                             // of the last frame
+    struct renderer_counter counters[RENDERER_MAX_COUNTERS]; // mean over the timed frames
 };
 // Flies all settings once untimed, then `repeats` times in seeded random order.
 bool papers_fly(const struct papers *papers, const struct scene *scene, int frames,
@@ -100,7 +101,8 @@ papers_measure papers_clipmap_space, papers_clipmap_compression, papers_clipmap_
     papers_mars_compression;                                                    // papers_compression.c
 papers_measure papers_mars_rendering;                                           // Mars, Table 3
 papers_measure papers_sphere_views, papers_sphere_kept, papers_sphere_sampling; // Clasen & Hege 2006
-papers_measure papers_geomipmap_sets, papers_geomipmap_rate;                    // Brodersen 2005
+papers_measure papers_geomipmap_sets, papers_geomipmap_rate, papers_geomipmap_work,
+    papers_geomipmap_large; // Brodersen 2005
 papers_measure papers_pgm_rates, papers_pgm_steps, papers_pgm_extension, papers_pgm_distortion,
     papers_pgm_error, papers_pgm_angles, papers_pgm_updates, papers_pgm_culled; // Livny et al. 2008
 

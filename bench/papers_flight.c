@@ -109,6 +109,11 @@ static bool fly_once(const struct papers *papers, const struct scene *scene, int
         flying->update_ms[at] = updated - start;
         flying->draw_ms[at] = end - updated;
         flying->triangles[i] = (double)flight->stats.triangles;
+        for (int c = 0; c < RENDERER_MAX_COUNTERS && flight->stats.counters[c].name; c++) {
+            flight->counters[c].name = flight->stats.counters[c].name;
+            flight->counters[c].value +=
+                flight->stats.counters[c].value / ((double)papers->repeats * (double)frames);
+        }
     }
     return true;
 }

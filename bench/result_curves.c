@@ -5,6 +5,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 static const double equal_error_px[] = {0.125, 0.25, 0.5, 1, 2, 4, 8};
 static const double equal_time_ms[] = {1, 2, 5, 10, 20, 50, 100, 200, 500};
@@ -42,6 +43,36 @@ static int build_curves(const struct run *run, const struct result_summary *summ
     return count;
 }
 
+// Whether two settings differ in the knob that is swept alone.
+static bool same_sweep(const struct setting *a, const struct setting *b)
+{
+    int quality = renderer_knob_index(a->type, a->type->quality_knob);
+    for (int k = 0; a->type->knobs[k].name; k++)
+        if (k != quality && a->knobs[k] != b->knobs[k]) return false;
+    return true;
+}
+
+// Of error with visible triangles over one sweep of a curve: the one with the most settings, the first of
+// these.
+static double sweep_correlation(const struct run *run, const struct curve *curve)
+{
+    double best[2][MAX_SETTINGS];
+    int most = 0;
+    for (int first = 0; first < curve->count; first++) {
+        double values[2][MAX_SETTINGS];
+        int count = 0;
+        for (int k = 0; k < curve->count; k++) {
+            if (!same_sweep(&run->settings[curve->member[first]], &run->settings[curve->member[k]])) continue;
+            values[0][count] = curve->error_px_p999[k];
+            values[1][count++] = curve->visible[k];
+        }
+        if (count <= most) continue;
+        memcpy(best, values, sizeof best);
+        most = count;
+    }
+    return rank_correlation(best[0], best[1], most);
+}
+
 static void add_curves(cJSON *root, const struct run *run, const struct curve *curves, int count)
 {
     cJSON *frontier = cJSON_AddArrayToObject(root, "frontier"),
@@ -64,8 +95,7 @@ static void add_curves(cJSON *root, const struct run *run, const struct curve *c
         cJSON_AddItemToArray(sweeps, sweep);
         cJSON_AddStringToObject(sweep, "renderer", curve->type->name);
         cJSON_AddStringToObject(sweep, "knob", curve->type->quality_knob);
-        result_add_number(sweep, "rank_correlation",
-                          rank_correlation(curve->error_px_p999, curve->visible, curve->count));
+        result_add_number(sweep, "rank_correlation", sweep_correlation(run, curve));
     }
 }
 

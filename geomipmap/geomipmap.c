@@ -11,6 +11,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 enum {
     KNOB_TAU,
@@ -132,7 +133,8 @@ struct geomipmap {
     double ahead;                        // frames to look ahead for them
     double eye_m[3];                     // of the frame before, where this one goes on
     bool goes_on;
-    bool streamed; // the frame needs more tiles than the cache may hold: draw() uploads in batches
+    double select_ms; // CPU time of selection and culling in this frame
+    bool streamed;    // the frame needs more tiles than the cache may hold: draw() uploads in batches
 
     struct geomipmap_program programs[PASS_COUNT][2]; // the second: GPU_INSIDE_OUTLINE
     GLuint vertex_array, indices, vertices, places, places_texture, heights_texture;
@@ -355,6 +357,7 @@ static void begin_frame(struct renderer *renderer, int frame)
     g->loads_before = g->shading.light.loads + g->shading.colour.loads;
     g->view_count = 0;
     g->reformed = 0;
+    g->select_ms = 0;
     g->streamed = false;
     if (geomipmap_cache_begin_frame(&g->cache, &from, &to)) copy_slot(g, from, to);
     if (g->room > FIRST_ROOM && g->cache.slot_count < g->room / 4) resize_slots(g, g->room / 2);
@@ -423,6 +426,13 @@ static bool below_ground(const struct terrain *terrain, const struct view *view)
     return view->eye_m[2] < quanta * info->quantum_m + info->offset_m;
 }
 
+static double now_ms(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return (double)t.tv_sec * 1e3 + (double)t.tv_nsec * 1e-6;
+}
+
 static bool select_view(struct geomipmap *g, struct geomipmap_view *own, const struct view *view)
 {
     struct view_origin eye = view_level_origin(view, g->tiles.finest);
@@ -435,7 +445,9 @@ static bool select_view(struct geomipmap *g, struct geomipmap_view *own, const s
     own->pixels_per_tangent = view->pixels_per_tangent;
     own->below_ground = below_ground(g->tiles.terrain, view);
     struct geomipmap_selection *selection = &own->selection;
+    double start = now_ms();
     if (!geomipmap_select(selection, &g->tiles, &g->choice, view)) return false;
+    g->select_ms += now_ms() - start;
     own->drawn = g->choice.cull ? selection->seen : selection->count;
     own->triangles = 0;
     for (int i = 0; i < own->drawn; i++) own->triangles += set_triangles(&g->mesh, selection->picks[i].set);
@@ -617,6 +629,7 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
                      {"shrunk", (double)(now->shrunk - before->shrunk)},
                      {"slots", g->cache.slot_count},
                      {"late", late},
+                     {"select_ms", g->select_ms},
                      {"reformed", (double)g->reformed},
                      {"height_bytes", (double)g->vertex_bytes},
                      {"index_bytes", (double)(g->mesh.index_count * sizeof *g->mesh.indices)},
