@@ -55,7 +55,8 @@ bool papers_geomipmap_sets(struct papers *papers, struct papers_table *table)
     }
     papers_note(table,
                 "Lists are the printed number to the byte. Strips here are one a set, joined by triangles "
-                "without area, from a greedy search; the paper does not say how its own are made.");
+                "without area, with a vertex repeated where they turn, the shortest of some greedy attempts; "
+                "the paper does not say how its own are made.");
     papers_note(table,
                 "The five regions as strips: here two corner triangles lie on two sides, since every cell "
                 "keeps the diagonal of the terrain, and their regions are stored for two neighbours; the "

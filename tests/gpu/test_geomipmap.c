@@ -760,7 +760,7 @@ static void blocks_of_coarser_levels_keep_the_claim(void **state)
     for (int s = 0; s < 3; s++) {
         size_t triangles = 0, blocks = 0;
         double tightness = 0, most = 0;
-        int views = test_size(6, 60), broken = 0;
+        int views = test_size(4, 60), broken = 0;
         for (int k = 0; k < views; k++) {
             char text[96];
             double tau = 0.25 * (1 << k % 6);
