@@ -95,7 +95,10 @@ struct sphere_window sphere_window_wanted(const struct sphere_shape *shape, int 
     int size = sphere_level_size(shape, level);
     struct sphere_window window = {.period = size};
     bool fits = !isnan(half);
-    while (fits && half / (1 << window.decimation) + MARGIN + SNAP > size / 2.0) {
+    // All levels' reaches have about as many columns: the latitudes where they take more together, and are
+    // read anew for it, are spread, that no frame has to read them all.
+    double room = (1 - 0.02 * clipmap_slot(level, 8)) * size / 2;
+    while (fits && half / (1 << window.decimation) + MARGIN + SNAP > room) {
         window.decimation++;
         fits = turn % ((int64_t)1 << window.decimation) == 0 && window.decimation < 30;
     }
