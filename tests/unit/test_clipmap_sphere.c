@@ -634,6 +634,32 @@ static void colours_are_those_of_their_place(void **state)
     sphere_image_finish(&image);
 }
 
+// D10: what the chords of rings leave out of the sphere, as seen from the ground up to the farthest peak that
+// shows there; a triangle is off by at most what half its diagonal is.
+static void chords_of_rings_do_not_show(void **state)
+{
+    (void)state;
+    double worst = 0, farthest = sphere_horizon(1.7, 6371007) + sphere_horizon(8848, 6371007);
+    for (int n = 127; n <= 511; n = 2 * n + 1) {
+        struct sphere_rings rings = sphere_rings_make(n);
+        for (int ring = 0; ring < rings.count - 2; ring++) {
+            double angle = sphere_ring_angle(&rings, ring);
+            if (angle > farthest) continue;
+            float a[4], b[4];
+            double middle[3], squares = 0;
+            sphere_ring_vertex(&rings, ring, 0, a);
+            sphere_ring_vertex(&rings, ring + 1, 1, b);
+            for (int k = 0; k < 3; k++) middle[k] = 0.5 * ((double)a[k] + (double)b[k]);
+            for (int k = 0; k < 2; k++) squares += middle[k] * middle[k];
+            // 1 - |middle| over the sphere's centre, without cancellation: c is 1 - cos(angle).
+            double sag = middle[2] - (squares + middle[2] * middle[2]) / 2;
+            worst = fmax(worst, 640 / 2 * fabs(sag) / angle); // 90 degrees over 640 pixels
+        }
+    }
+    FIGURE("D10: chords of rings leave out at most %.1e px as seen from the ground", worst);
+    assert_true(worst > 0 && worst <= 0.01);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -647,6 +673,7 @@ int main(void)
         cmocka_unit_test(columns_stand_alone_near_the_viewer),
         cmocka_unit_test(horizons_are_exact),
         cmocka_unit_test(rings_end_at_a_pixel),
+        cmocka_unit_test(chords_of_rings_do_not_show),
         cmocka_unit_test(boxes_hold_their_blocks),
         cmocka_unit_test(walks_leave_levels_whole),
         cmocka_unit_test(colours_are_those_of_their_place),
