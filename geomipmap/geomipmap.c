@@ -94,7 +94,7 @@ struct geomipmap_view { // what was selected for one view
     int room;                                              // draws in the lists below
     int first_draw[GEOMIPMAP_WAYS], draws[GEOMIPMAP_WAYS]; // gathered in them, way by way; of own shading,
                                                            // which goes block by block, all in way 0
-    bool below_ground;                                     // the viewer is
+    bool below_ground;                                     // the viewer may be, as it is drawn
     GLsizei *counts;                                       // one draw a part of a tile
     size_t *first;
     GLint *base_vertex;
@@ -140,6 +140,7 @@ struct geomipmap {
     GLuint vertex_array, indices, vertices, places, places_texture, heights_texture;
     int room;                     // slots in `vertices` and `places`
     int tile_vertices;            // in a slot
+    int32_t highest_q;            // at least the highest sample of any level
     size_t vertex_bytes;          // 2, or 4 for terrain whose tiles need more than 16 bits
     struct geomipmap_form *forms; // by slot: of filtered tiles, that of the heights in it
     int form_room;                // slots in it
@@ -412,18 +413,53 @@ static bool below_bounds(const struct terrain *terrain, const struct view *view)
     return view->eye_m[2] < high * info->quantum_m + info->offset_m;
 }
 
-// Beside the map the nearest place on it counts.
-static bool below_ground(const struct terrain *terrain, const struct view *view)
+// The tile that is seen around the eye; NULL: there is none.
+static const struct geomipmap_pick *pick_around(const struct geomipmap *g, const struct geomipmap_view *own)
 {
-    const struct terrain_info *info = terrain_info(terrain);
-    double place[2], quanta = info->min_q;
-    size_t stride;
-    if (!terrain_samples(terrain, info->finest, &stride)) // nothing is waited for
-        return below_bounds(terrain, view);
+    for (int i = 0; i < own->selection.seen; i++) {
+        const struct geomipmap_pick *pick = &own->selection.picks[i];
+        int shift = g->tiles.bits + pick->place.height;
+        if (own->eye_cell[0] >> shift == pick->place.column && own->eye_cell[1] >> shift == pick->place.row)
+            return pick;
+    }
+    return NULL;
+}
+
+// Highest vertex that is drawn of the tile's cell around the eye, quanta.
+static int32_t highest_around(struct geomipmap *g, const struct geomipmap_view *own,
+                              const struct geomipmap_pick *pick)
+{
+    int row = (1 << g->tiles.bits) + 1, step = 1 << pick->level, first[2];
+    const int place[2] = {pick->place.column, pick->place.row};
+    struct geomipmap_form form = geomipmap_pick_form(pick);
+    int32_t highest = INT32_MIN;
+    for (int i = 0; i < g->tile_vertices; i++) g->heights[i] = INT32_MIN; // those not drawn stay so
+    geomipmap_tiles_read(&g->tiles, g->reader, pick->place, g->tiles.filtered ? &form : NULL, g->heights);
+    for (int axis = 0; axis < 2; axis++) {
+        int cell = own->eye_cell[axis] - (place[axis] << (g->tiles.bits + pick->place.height));
+        first[axis] = (cell >> pick->place.height) & ~(step - 1);
+    }
+    for (int j = first[1]; j <= first[1] + step; j++)
+        for (int i = first[0]; i <= first[0] + step; i++)
+            if (g->heights[j * row + i] > highest) highest = g->heights[j * row + i];
+    return highest;
+}
+
+// Whether the eye may be below the drawn surface: only then may a ray meet it from below first.  Beside the
+// map a ray may come in below any of its edges.
+static bool below_ground(struct geomipmap *g, const struct geomipmap_view *own, const struct view *view)
+{
+    const struct terrain_info *info = terrain_info(g->tiles.terrain);
+    const struct geomipmap_pick *pick = pick_around(g, own);
+    double above_q = (view->eye_m[2] - info->offset_m) / info->quantum_m;
+    struct geomipmap_range range;
+    const float *errors;
     for (int axis = 0; axis < 2; axis++)
-        place[axis] = fmin(fmax(view->eye_m[axis], info->outline_m[axis]), info->outline_m[axis + 2]);
-    terrain_truth_at(terrain, place[0], place[1], &quanta, NULL);
-    return view->eye_m[2] < quanta * info->quantum_m + info->offset_m;
+        if (view->eye_m[axis] < info->outline_m[axis] || view->eye_m[axis] > info->outline_m[axis + 2])
+            return above_q < g->highest_q;
+    if (!pick) return below_bounds(g->tiles.terrain, view);
+    if (geomipmap_tiles_know(&g->tiles, pick->place, &range, &errors) && above_q >= range.high) return false;
+    return above_q < highest_around(g, own, pick);
 }
 
 static double now_ms(void)
@@ -443,11 +479,11 @@ static bool select_view(struct geomipmap *g, struct geomipmap_view *own, const s
     }
     for (int axis = 0; axis < 3; axis++) own->eye_m[axis] = view->eye_m[axis];
     own->pixels_per_tangent = view->pixels_per_tangent;
-    own->below_ground = below_ground(g->tiles.terrain, view);
     struct geomipmap_selection *selection = &own->selection;
     double start = now_ms();
     if (!geomipmap_select(selection, &g->tiles, &g->choice, view)) return false;
     g->select_ms += now_ms() - start;
+    own->below_ground = below_ground(g, own, view);
     own->drawn = g->choice.cull ? selection->seen : selection->count;
     own->triangles = 0;
     for (int i = 0; i < own->drawn; i++) own->triangles += set_triangles(&g->mesh, selection->picks[i].set);
@@ -787,6 +823,7 @@ static bool init(struct geomipmap *g, const struct renderer_desc *desc)
                               0))
         return false;
     g->tile_vertices = ((1 << bits) + 1) * ((1 << bits) + 1);
+    g->highest_q = geomipmap_tiles_bounds(&g->tiles, (struct geomipmap_place){g->tiles.top, 0, 0}).high;
     g->vertex_bytes = g->tiles.wide ? sizeof(int32_t) : sizeof(uint16_t);
     if (!geomipmap_cache_init(&g->cache, most_slots(g, desc->knobs[KNOB_CACHE]), 0) || !allocate(g) ||
         (g->own_shading && !init_shading(g, desc)) || !build_programs(g, desc->effects))

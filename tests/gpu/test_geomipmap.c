@@ -329,6 +329,50 @@ static void culling_leaves_the_picture_as_it_is(void **state)
     terrain_destroy(terrain);
 }
 
+// Faces are left out only where no ray meets the drawn surface from below first, however wrong that is: an
+// eye just above the ground may be below what is drawn.
+static void safe_faces_leave_the_picture_as_it_is(void **state)
+{
+    struct fixture *f = *state;
+    static const char *const settings[] = {"tau=64 metric=paper", "tau=64 metric=mean patch=9 merge=4",
+                                           "tau=64 metric=paper heights=samples morph=on", "tau=1"};
+    struct terrain *terrain = test_fractal(&hills, 23);
+    struct gpu_target target;
+    size_t bytes = (size_t)PIXELS * 4, below = 0, views = 0;
+    uint8_t *pictures[2] = {malloc(bytes), malloc(bytes)};
+    assert_true(pictures[0] && pictures[1] && gpu_target_init(f->gpu, &target, WIDTH, HEIGHT, GL_RGBA8));
+    uint64_t seed = 24;
+    for (int s = 0; s < 4; s++) {
+        struct renderer *renderers[3];
+        static const char *const faces[3] = {"both", "safe", "front"};
+        for (int r = 0; r < 3; r++) {
+            char text[96];
+            snprintf(text, sizeof text, "%s faces=%s", settings[s], faces[r]);
+            renderers[r] = create(f, terrain, text);
+        }
+        for (int k = 0; k < test_size(10, 200); k++, views++) {
+            struct view view = random_view(terrain, &seed, 0.01, 30);
+            for (int r = 0; r < 3; r++) {
+                update(renderers[r], &view, 1);
+                gpu_set_view(f->gpu, terrain, &view);
+                gpu_target_begin(f->gpu, &target);
+                geomipmap_renderer.draw(renderers[r], 0, PASS_SHADED);
+                gpu_target_read(f->gpu, &target, pictures[r > 0]);
+                if (r == 1) assert_memory_equal(pictures[0], pictures[1], bytes);
+            }
+            below += memcmp(pictures[0], pictures[1], bytes) != 0; // front alone is not enough
+        }
+        for (int r = 0; r < 3; r++) geomipmap_renderer.destroy(renderers[r]);
+    }
+    FIGURE("%zu views: the same pictures; %zu of them are others without looking where the eye is", views,
+           below);
+    assert_true(below > 0);
+    gpu_target_finish(&target);
+    free(pictures[0]);
+    free(pictures[1]);
+    terrain_destroy(terrain);
+}
+
 // Case C5 as drawn: whatever the cache may hold, each view of a frame is drawn with its tiles' own heights.
 static void cache_size_leaves_the_picture_as_it_is(void **state)
 {
@@ -855,6 +899,7 @@ int main(void)
         cmocka_unit_test(mesh_is_watertight_and_made_of_samples),
         cmocka_unit_test(morphed_mesh_is_watertight),
         cmocka_unit_test(culling_leaves_the_picture_as_it_is),
+        cmocka_unit_test(safe_faces_leave_the_picture_as_it_is),
         cmocka_unit_test(cache_size_leaves_the_picture_as_it_is),
         cmocka_unit_test(growing_and_shrinking_keep_the_picture),
         cmocka_unit_test(claim_holds_and_nothing_is_left_out),
