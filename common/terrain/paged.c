@@ -159,10 +159,11 @@ int32_t paged_node_max(const struct paged *p, int height, int64_t i, int64_t j)
     return high;
 }
 
-// What synthesised levels differ from the coarser ones is not known in advance.
+// What synthesised levels differ from the coarser ones is not known in advance; and under a small ceiling
+// pages of several levels chase each other out.
 int paged_coarsest_page(const struct paged *p)
 {
-    return p->finest < 0 ? p->finest : (int)clamp(p->grid->count - 2, 0, p->coarsest);
+    return p->finest < 0 || !p->keeps_parents ? p->finest : (int)clamp(p->grid->count - 2, 0, p->coarsest);
 }
 
 double paged_error(const struct paged *p, int level, int64_t x0, int64_t y0, int64_t x1, int64_t y1)

@@ -338,7 +338,7 @@ static int64_t page_error_q(const struct paged *p, int level, int64_t x, int64_t
 static void read_page_samples(struct paged *p, int level, int64_t x0, int64_t y0, int32_t *samples)
 {
     struct patch page = {{x0, y0, x0 + PAGE_SIDE, y0 + PAGE_SIDE}, samples};
-    if (level < 0 || !lies_in(&page.rect, paged_map(p, level)->stored)) {
+    if (level < 0 || !p->keeps_parents || !lies_in(&page.rect, paged_map(p, level)->stored)) {
         paged_window(p, level, x0, y0, PAGE_SIDE, PAGE_SIDE, samples, TERRAIN_WAIT);
         return;
     }
