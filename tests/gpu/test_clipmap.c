@@ -147,8 +147,7 @@ static const float *depths(struct fixture *f, struct renderer *renderer, const s
 }
 
 // Back faces left out where nothing is clipped: each pixel shows what it shows with both faces, or, where
-// that is a back face (a ridge line within the sub-pixel grid), the front face behind it.  None is left
-// undrawn.
+// that is a back face (a ridge line within the sub-pixel grid), the front face behind it, or the sky there.
 static void unclipped_back_faces_are_not_missed(void **state)
 {
     struct fixture *f = *state;
