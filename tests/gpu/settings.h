@@ -1,4 +1,5 @@
-// A renderer made from settings in words, as the GPU tests name them. SPDX-License-Identifier: MIT
+// A renderer made from settings in words, and its counters by name, as the GPU tests have them.
+// SPDX-License-Identifier: MIT
 #ifndef TESTS_GPU_SETTINGS_H
 #define TESTS_GPU_SETTINGS_H
 
@@ -23,6 +24,17 @@ static inline struct renderer *create_with(const struct renderer_type *type, str
     struct renderer *renderer = type->create(&desc);
     assert_non_null(renderer);
     return renderer;
+}
+
+// What the renderer says of its last update.
+static inline double counter(const struct renderer *renderer, const char *name)
+{
+    struct renderer_stats stats;
+    renderer->type->stats(renderer, &stats);
+    for (int i = 0; i < RENDERER_MAX_COUNTERS && stats.counters[i].name; i++)
+        if (!strcmp(stats.counters[i].name, name)) return stats.counters[i].value;
+    fail_msg("no counter %s", name);
+    return 0;
 }
 
 #endif

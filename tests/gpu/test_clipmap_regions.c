@@ -5,16 +5,6 @@
 static const int sizes[] = {15, 31, 63, 127, 255, 511};
 enum { SIZES = sizeof sizes / sizeof *sizes };
 
-static double counter(const struct renderer *renderer, const char *name)
-{
-    struct renderer_stats stats;
-    clipmap_renderer.stats(renderer, &stats);
-    for (int i = 0; stats.counters[i].name; i++)
-        if (!strcmp(stats.counters[i].name, name)) return stats.counters[i].value;
-    fail_msg("no counter %s", name);
-    return 0;
-}
-
 static uint64_t triangles(const struct renderer *renderer)
 {
     struct renderer_stats stats;

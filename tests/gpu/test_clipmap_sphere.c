@@ -225,16 +225,6 @@ static void add_to_sum(const float *triangles, size_t count, void *user)
     for (size_t k = 0; k < 9 * count; k++) *sum = (*sum ^ words[k]) * 0x100000001b3u;
 }
 
-static double counter(const struct renderer *renderer, const char *name)
-{
-    struct renderer_stats stats;
-    clipmap_renderer.stats(renderer, &stats);
-    for (int i = 0; stats.counters[i].name; i++)
-        if (!strcmp(stats.counters[i].name, name)) return stats.counters[i].value;
-    fail_msg("no counter %s", name);
-    return 0;
-}
-
 // Kept vertices draw what transformed ones draw, in each pass and in a capture, bit for bit: while the eye
 // stands still and looks about, and when it goes on.  What is in sight twice is transformed once.
 static void kept_vertices_draw_the_same(void **state)

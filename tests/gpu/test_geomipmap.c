@@ -98,16 +98,6 @@ static uint64_t draw_hash(struct fixture *f, struct renderer *renderer, const st
     return hash;
 }
 
-static double counter(const struct renderer *renderer, const char *name)
-{
-    struct renderer_stats stats;
-    geomipmap_renderer.stats(renderer, &stats);
-    for (int i = 0; i < RENDERER_MAX_COUNTERS && stats.counters[i].name; i++)
-        if (strcmp(stats.counters[i].name, name) == 0) return stats.counters[i].value;
-    fail_msg("no counter %s", name);
-    return 0;
-}
-
 // ---- the captured mesh --------------------------------------------------------------------------
 
 struct mesh {

@@ -12,16 +12,6 @@
 
 enum { WIDTH = 320, HEIGHT = 240, PIXELS = WIDTH * HEIGHT, CELLS = 1024 };
 
-static double counter(const struct renderer *renderer, const char *name)
-{
-    struct renderer_stats stats;
-    geomipmap_renderer.stats(renderer, &stats);
-    for (int i = 0; i < RENDERER_MAX_COUNTERS && stats.counters[i].name; i++)
-        if (strcmp(stats.counters[i].name, name) == 0) return stats.counters[i].value;
-    fail_msg("no counter %s", name);
-    return 0;
-}
-
 static double now_s(void)
 {
     struct timespec t;

@@ -81,16 +81,6 @@ static struct renderer *create(const struct fixture *f, struct scene_colour *col
     return create_with(&geomipmap_renderer, desc, settings);
 }
 
-static double counter(const struct renderer *renderer, const char *name)
-{
-    struct renderer_stats stats;
-    geomipmap_renderer.stats(renderer, &stats);
-    for (int i = 0; i < RENDERER_MAX_COUNTERS && stats.counters[i].name; i++)
-        if (strcmp(stats.counters[i].name, name) == 0) return stats.counters[i].value;
-    fail_msg("no counter %s", name);
-    return 0;
-}
-
 static struct view random_view(const struct fixture *f, uint64_t *seed)
 {
     const struct terrain_info *info = terrain_info(f->terrain);

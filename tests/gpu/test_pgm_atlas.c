@@ -39,16 +39,6 @@ static struct vertices capture(struct gpu *gpu, struct renderer *renderer, const
     return vertices;
 }
 
-static double counter(const struct renderer *renderer, const char *name)
-{
-    struct renderer_stats stats;
-    renderer->type->stats(renderer, &stats);
-    for (size_t i = 0; i < sizeof stats.counters / sizeof *stats.counters && stats.counters[i].name; i++)
-        if (strcmp(stats.counters[i].name, name) == 0) return stats.counters[i].value;
-    fail_msg("no counter %s", name);
-    return 0;
-}
-
 static void rest(struct renderer *renderer, const struct view *view)
 {
     for (int frame = 0; frame < 500; frame++) {

@@ -59,16 +59,6 @@ static int stop(void **state)
     return folder_remove(NULL);
 }
 
-static double counter(const struct renderer *renderer, const char *name)
-{
-    struct renderer_stats stats;
-    renderer->type->stats(renderer, &stats);
-    for (int i = 0; i < RENDERER_MAX_COUNTERS && stats.counters[i].name; i++)
-        if (strcmp(stats.counters[i].name, name) == 0) return stats.counters[i].value;
-    fail_msg("no counter %s", name);
-    return 0;
-}
-
 static struct view view_at(const struct terrain *terrain, int frame)
 {
     double along = (double)(frame % FRAMES) / FRAMES; // across the map, then a jump back
