@@ -52,16 +52,6 @@ static struct terrain *load(int workers, bool wait)
     return terrain;
 }
 
-static double counter(const struct renderer *renderer, const char *name)
-{
-    struct renderer_stats stats;
-    clipmap_renderer.stats(renderer, &stats);
-    for (int i = 0; stats.counters[i].name; i++)
-        if (!strcmp(stats.counters[i].name, name)) return stats.counters[i].value;
-    fail_msg("no counter %s", name);
-    return 0;
-}
-
 static void next(struct renderer *renderer, int frame, const struct view *view)
 {
     clipmap_renderer.begin_frame(renderer, frame);
