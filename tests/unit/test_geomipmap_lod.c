@@ -3,7 +3,7 @@
 #include "common/terrain/terrain.h"
 #include "geomipmap/geomipmap_lod.h"
 #include "geomipmap/geomipmap_tiles.h"
-#include "tests/test.h"
+#include "tests/unit/test_geomipmap.h"
 
 #include <string.h>
 
@@ -426,6 +426,111 @@ static void tiles_cover_maps_of_any_size(void **state)
     }
 }
 
+// ---- tiles drawn with the levels of the pyramid -------------------------------------------------
+
+// A form that neighbours may ask for: sides as fine as the tile or finer, corners as fine as their sides or
+// finer still.
+static struct geomipmap_form random_form(int height, int level, uint64_t *seed)
+{
+    struct geomipmap_form form = {.inside = (uint8_t)(height + level)};
+    for (int n = 0; n < GEOMIPMAP_SIDES; n++)
+        form.side[n] = (uint8_t)(height + (int)(test_random(seed) % (uint64_t)(level + 1)));
+    for (int n = 0; n < GEOMIPMAP_SIDES; n++) {
+        int next = form.side[(n + 1) % GEOMIPMAP_SIDES], most = form.side[n] < next ? form.side[n] : next;
+        form.corner[n] = (uint8_t)(test_random(seed) % (uint64_t)(most + 1));
+    }
+    return form;
+}
+
+// Largest distance of a drawn tile from the finest samples under it, quanta.
+static double form_error(const struct terrain *terrain, const struct geomipmap_tiles *tiles,
+                         struct geomipmap_place place, const struct geomipmap_form *form)
+{
+    int cells = 1 << tiles->bits, row = cells + 1, step = 1 << place.height, neighbours[GEOMIPMAP_SIDES];
+    int32_t *heights = malloc((size_t)row * (size_t)row * sizeof *heights);
+    uint16_t *list = malloc(geomipmap_mesh_bound(tiles->bits) * sizeof *list);
+    assert_true(heights && list);
+    geomipmap_tiles_read(tiles, NULL, place, form, heights);
+    for (int n = 0; n < GEOMIPMAP_SIDES; n++) neighbours[n] = form->side[n] - place.height;
+    int count = geomipmap_mesh_write(tiles->bits, form->inside - place.height, neighbours, list);
+    struct terrain_extent e = terrain_level(terrain, tiles->finest).extent;
+    int64_t x0 = tiles->x0 + (int64_t)place.column * cells * step,
+            y0 = tiles->y0 + (int64_t)place.row * cells * step;
+    double worst = 0;
+    for (int t = 0; t < count; t += 3) {
+        int x[3], y[3], low[2] = {INT32_MAX, INT32_MAX}, high[2] = {0, 0};
+        for (int k = 0; k < 3; k++) {
+            x[k] = list[t + k] % row * step, y[k] = list[t + k] / row * step;
+            low[0] = x[k] < low[0] ? x[k] : low[0], high[0] = x[k] > high[0] ? x[k] : high[0];
+            low[1] = y[k] < low[1] ? y[k] : low[1], high[1] = y[k] > high[1] ? y[k] : high[1];
+        }
+        double area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0]);
+        for (int j = low[1]; j <= high[1]; j++)
+            for (int i = low[0]; i <= high[0]; i++) {
+                double b = ((i - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (j - y[0])) / area;
+                double c = ((x[1] - x[0]) * (j - y[0]) - (i - x[0]) * (y[1] - y[0])) / area;
+                bool ground = x0 + i >= e.x0 && x0 + i < e.x1 && y0 + j >= e.y0 && y0 + j < e.y1;
+                if (b < 0 || c < 0 || b + c > 1 || !ground) continue;
+                int32_t truth;
+                terrain_window(terrain, tiles->finest, x0 + i, y0 + j, 1, 1, &truth, TERRAIN_WAIT);
+                double drawn =
+                    (1 - b - c) * heights[list[t]] + b * heights[list[t + 1]] + c * heights[list[t + 2]];
+                worst = fmax(worst, fabs(drawn - truth));
+            }
+    }
+    free(heights);
+    free(list);
+    return worst;
+}
+
+// The error of a level holds for every form in which it may be drawn; `published` does not.
+static void errors_of_levels_hold_for_every_form(void **state)
+{
+    (void)state;
+    uint64_t seed = 9;
+    for (int bits = 3; bits <= 4; bits++)
+        for (int merge = 0; merge <= 2; merge++) {
+            const struct test_map map = {.width = 203,
+                                         .height = 170,
+                                         .first = {-37, 5},
+                                         .spacing_m = {1, 1},
+                                         .quantum_m = 0.01,
+                                         .height_m = 50,
+                                         .rough = 0.6};
+            struct terrain *terrain = test_fractal(&map, 17 + (uint64_t)merge);
+            struct geomipmap_tiles stable, published;
+            assert_true(geomipmap_tiles_init(&stable, terrain, bits, merge, GEOMIPMAP_STABLE, true, 1));
+            assert_true(geomipmap_tiles_init(&published, terrain, bits, merge, GEOMIPMAP_PUBLISHED, true, 1));
+            int broken[2] = {0, 0}, forms = test_size(300, 6000);
+            double tightness = 0;
+            for (int k = 0; k < forms; k++) {
+                int height = (int)(test_random(&seed) % (uint64_t)(merge + 1));
+                int level = (int)(test_random(&seed) % (uint64_t)bits);
+                const struct geomipmap_grid *grid = &stable.grid[height];
+                const struct geomipmap_place place = {height,
+                                                      (int)(test_random(&seed) % (uint64_t)grid->columns),
+                                                      (int)(test_random(&seed) % (uint64_t)grid->rows)};
+                struct geomipmap_form form = random_form(height, level, &seed);
+                double error = form_error(terrain, &stable, place, &form);
+                const float *errors;
+                know(&stable, place, &errors);
+                broken[0] += error > (double)errors[level];
+                tightness += errors[level] > 0 ? error / (double)errors[level] / forms : 1.0 / forms;
+                know(&published, place, &errors);
+                broken[1] += error > (double)errors[level];
+            }
+            FIGURE(
+                "tiles of %d x %d, merge %d: %d forms, stable error broken in %d, published in %d; %.2f of "
+                "it on average",
+                (1 << bits) + 1, (1 << bits) + 1, merge, forms, broken[0], broken[1], tightness);
+            assert_int_equal(broken[0], 0);
+            assert_true(broken[1] > 0);
+            geomipmap_tiles_finish(&stable);
+            geomipmap_tiles_finish(&published);
+            terrain_destroy(terrain);
+        }
+}
+
 static void tall_tiles_are_noticed(void **state)
 {
     (void)state;
@@ -448,6 +553,7 @@ int main(void)
         cmocka_unit_test(safe_metric_holds_anywhere_in_the_window),
         cmocka_unit_test(safe_metric_is_at_least_as_tight_as_c1),
         cmocka_unit_test(tiles_cover_maps_of_any_size),
+        cmocka_unit_test(errors_of_levels_hold_for_every_form),
         cmocka_unit_test(tall_tiles_are_noticed),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
