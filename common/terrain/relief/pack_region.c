@@ -81,7 +81,7 @@ static void plan_decoded(struct region *r)
 
 static int64_t aligned(int64_t index, int shift)
 {
-    return shift < 62 ? index >> shift << shift : 0;
+    return shift < 62 ? (index >> shift) * ((int64_t)1 << shift) : 0;
 }
 
 // From the coarse end: what of each level the next one, and the tiles, are made from.
