@@ -247,10 +247,31 @@ static struct report_point make_point(const struct report_run *run)
     return point;
 }
 
+// Whether two settings of a renderer differ in its quality knob alone; results that name none have one sweep.
+static bool same_sweep(const struct report_run *a, const struct report_run *b, const char *quality)
+{
+    if (!quality) return true;
+    const cJSON *knobs = json_at(a->json, "setting"), *others = json_at(b->json, "setting");
+    if (cJSON_GetArraySize(knobs) != cJSON_GetArraySize(others)) return false;
+    for (const cJSON *knob = json_first(knobs); knob; knob = knob->next)
+        if (strcmp(knob->string, quality) != 0 &&
+            !cJSON_Compare(knob, cJSON_GetObjectItemCaseSensitive(others, knob->string), true))
+            return false;
+    return true;
+}
+
+static int sweep_of(struct report_renderer *renderer, const struct report_run *run, const char *quality)
+{
+    for (int i = 0; i < renderer->point_count; i++)
+        if (same_sweep(renderer->points[i].run, run, quality)) return renderer->points[i].sweep;
+    return renderer->sweep_count++;
+}
+
 static bool collect_points(struct report *report, int index)
 {
     struct report_renderer *renderer = &report->renderers[index];
-    const cJSON *entry = entry_of(json_at(report->root, "frontier"), renderer->name);
+    const cJSON *entry = entry_of(json_at(report->root, "frontier"), renderer->name),
+                *sweep = entry_of(json_at(report->root, "sweeps"), renderer->name);
     renderer->points = calloc((size_t)report->run_count + 1, sizeof *renderer->points);
     if (!renderer->points) return false;
     double nearest = INFINITY;
@@ -260,6 +281,7 @@ static bool collect_points(struct report *report, int index)
         struct report_point point = make_point(run);
         if (!renderer->shown) renderer->shown = run;
         if (isnan(point.error_px) || isnan(point.ms)) continue;
+        point.sweep = sweep_of(renderer, run, json_text(sweep, "knob"));
         renderer->points[renderer->point_count++] = point;
         double distance = fabs(log(fmax(point.error_px, 1e-9)));
         if (distance < nearest && renderer->role != ROLE_BRUTE) {
@@ -268,8 +290,7 @@ static bool collect_points(struct report *report, int index)
         }
     }
     qsort(renderer->points, (size_t)renderer->point_count, sizeof *renderer->points, by_error_descending);
-    renderer->rank_correlation =
-        json_number(entry_of(json_at(report->root, "sweeps"), renderer->name), "rank_correlation");
+    renderer->rank_correlation = json_number(sweep, "rank_correlation");
     return true;
 }
 

@@ -98,6 +98,27 @@ static bool curve_axes(const struct report *report, enum report_figure figure, s
     return axis_pad(&plot->x, 0.06) && axis_pad(&plot->y, 0.08);
 }
 
+// Adds the points of one sweep, after a gap; false when there are none.
+static bool add_sweep_data(const struct report_renderer *renderer, int sweep, enum report_figure figure,
+                           const char *gap, struct text *data)
+{
+    bool any = false;
+    for (int k = 0; k < renderer->point_count; k++) {
+        const struct report_point *point = &renderer->points[k];
+        if (point->sweep != sweep || !drawable(point, figure)) continue;
+        if (!any) text_add(data, "%s", gap);
+        any = true;
+        plot_add_value(data, point_x(point, figure));
+        plot_add_value(data, point_y(point, figure));
+        if (figure == FIGURE_FRONTIER) {
+            plot_add_value(data, point->low_ms);
+            plot_add_value(data, point->high_ms);
+        }
+        text_add(data, "\n");
+    }
+    return any;
+}
+
 static void add_curve_data(const struct report *report, enum report_figure figure, struct text *data)
 {
     text_add(data, figure == FIGURE_FRONTIER
@@ -106,17 +127,9 @@ static void add_curve_data(const struct report *report, enum report_figure figur
     for (int i = 0; i < report->renderer_count; i++) {
         const struct report_renderer *renderer = &report->renderers[i];
         if (!has_curve(renderer, figure)) continue;
-        for (int k = 0; k < renderer->point_count; k++) {
-            const struct report_point *point = &renderer->points[k];
-            if (!drawable(point, figure)) continue;
-            plot_add_value(data, point_x(point, figure));
-            plot_add_value(data, point_y(point, figure));
-            if (figure == FIGURE_FRONTIER) {
-                plot_add_value(data, point->low_ms);
-                plot_add_value(data, point->high_ms);
-            }
-            text_add(data, "\n");
-        }
+        const char *gap = ""; // one empty line ends a line, two a block
+        for (int sweep = 0; sweep < renderer->sweep_count; sweep++)
+            if (add_sweep_data(renderer, sweep, figure, gap, data)) gap = "\n";
         text_add(data, "\n\n");
     }
 }
@@ -124,21 +137,37 @@ static void add_curve_data(const struct report *report, enum report_figure figur
 typedef void on_point(double x, double y, double last_x, double last_y, const struct report_point *point,
                       void *user);
 
-// Walks every point that is drawn, in pixels; last_x and last_y are NAN at the start of a curve.
+struct walk { // over every point that is drawn, in pixels
+    const struct report *report;
+    enum report_figure figure;
+    const struct plot *plot;
+    on_point *visit; // last_x and last_y are NAN at the start of a line
+    void *user;
+};
+
+static void walk_sweep(const struct walk *walk, const struct report_renderer *renderer, int sweep)
+{
+    double last_x = (double)NAN, last_y = (double)NAN;
+    for (int k = 0; k < renderer->point_count; k++) {
+        const struct report_point *point = &renderer->points[k];
+        if (point->sweep != sweep || !drawable(point, walk->figure)) continue;
+        double x = plot_x(walk->plot, point_x(point, walk->figure)),
+               y = plot_y(walk->plot, point_y(point, walk->figure));
+        if (point->error_px <= error_ceiling(walk->report))
+            walk->visit(x, y, last_x, last_y, point, walk->user);
+        last_x = x;
+        last_y = y;
+    }
+}
+
 static void each_point(const struct report *report, enum report_figure figure, const struct plot *plot,
                        on_point *visit, void *user)
 {
+    struct walk walk = {report, figure, plot, visit, user};
     for (int i = 0; i < report->renderer_count; i++) {
         const struct report_renderer *renderer = &report->renderers[i];
-        double last_x = (double)NAN, last_y = (double)NAN;
-        for (int k = 0; has_curve(renderer, figure) && k < renderer->point_count; k++) {
-            const struct report_point *point = &renderer->points[k];
-            if (!drawable(point, figure)) continue;
-            double x = plot_x(plot, point_x(point, figure)), y = plot_y(plot, point_y(point, figure));
-            if (point->error_px <= error_ceiling(report)) visit(x, y, last_x, last_y, point, user);
-            last_x = x;
-            last_y = y;
-        }
+        if (!has_curve(renderer, figure)) continue;
+        for (int sweep = 0; sweep < renderer->sweep_count; sweep++) walk_sweep(&walk, renderer, sweep);
     }
 }
 

@@ -48,11 +48,12 @@ struct report_run {
     int renderer;     // index into report.renderers
 };
 
-struct report_point { // one setting of a renderer's sweep
+struct report_point { // one setting of a renderer
     const struct report_run *run;
     double error_px, ms;    // p99.9 and median; both finite
     double low_ms, high_ms; // 95 % interval of ms, NAN where there is none
     double triangles;       // visible, mean; may be NAN
+    int sweep;              // settings of one sweep differ in the quality knob alone; 0, 1 ...
 };
 
 struct report_renderer {
@@ -61,7 +62,7 @@ struct report_renderer {
     int mark;           // gnuplot's point type
     enum report_role role;
     struct report_point *points; // the frontier, coarse to fine (largest error first)
-    int point_count;
+    int point_count, sweep_count;
     const struct report_run *shown; // the setting whose error is nearest to 1 px; NULL without runs
     double rank_correlation;        // of its sweep; NAN when not computed
 };

@@ -517,6 +517,27 @@ static cJSON *run_named(const cJSON *root, const char *renderer, int k)
     return NULL;
 }
 
+// Lines join settings that differ in the quality knob alone: an empty line ends one.
+static void lines_join_sweeps_alone(void **state)
+{
+    (void)state;
+    for (int beside = 0; beside < 2; beside++) {
+        cJSON *root = make_results();
+        write_frames();
+        if (beside) {
+            cJSON *setting = cJSON_GetObjectItem(run_named(root, "clipmap", 1), "setting");
+            cJSON_AddStringToObject(setting, "layout", "strips");
+        }
+        free(page_of(root));
+        char *data = read_page("figures/frontier.dat"), points[64] = "", *line = data;
+        assert_non_null(data);
+        for (char *end; (end = strchr(line, '\n')); line = end + 1) // a letter a line; methods come first
+            if (*line != '#' && strlen(points) < 20) strcat(points, end > line ? "p" : "-");
+        assert_string_equal(points, beside ? "ppp-p--pppp--pppp--p" : "pppp--pppp--pppp--pp");
+        free(data);
+    }
+}
+
 // At 1 px the curves give, by log-log interpolation, clipmap 4.6 * 7.9^(ln 1.52 / -ln 0.42) = 12.5 ms and
 // geomipmap 3.1 * 5.2^(ln 1.48 / -ln 0.47) = 7.3 ms: intervals of 2 % are far apart.
 static void verdict_names_the_faster(void **state)
@@ -999,6 +1020,7 @@ int main(void)
 #define CASE(name) cmocka_unit_test_setup_teardown(name, setup, folder_remove)
         CASE(page_is_whole_and_self_contained),
         CASE(figures_are_valid_and_ids_do_not_clash),
+        CASE(lines_join_sweeps_alone),
         CASE(verdict_names_the_faster),
         CASE(verdict_cannot_tell),
         CASE(motion_tightness_and_counters_are_shown),
