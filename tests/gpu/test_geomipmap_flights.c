@@ -95,7 +95,8 @@ static void look(struct flight *f, int t, int frame, const struct view *view)
     f->ground += f->error.ground;
 }
 
-static void fly(struct gpu *gpu, const char *name, int frames)
+// Returns how many claims were broken and adds the holes.
+static int fly(struct gpu *gpu, const char *name, int frames, uint64_t *holes)
 {
     char file[64];
     snprintf(file, sizeof file, "bench/scenes/%s.json", name);
@@ -121,9 +122,9 @@ static void fly(struct gpu *gpu, const char *name, int frames)
     for (int t = 0; t < TAUS; t++) broken += f.broken[t];
     finish(&f);
     scene_destroy(scene);
-    assert_int_equal(broken, 0);
-    assert_int_equal(f.holes, 0);
     assert_true(f.ground > 0);
+    *holes += f.holes;
+    return broken;
 }
 
 // Everyday: a few frames of the scenes that need no data; full: every frame of every scene on a plane.
@@ -132,10 +133,15 @@ static void claim_holds_over_every_path(void **state)
     (void)state;
     struct gpu *gpu = gpu_create(GPU_OFFSCREEN, 0, 0, "test", 0);
     assert_non_null(gpu);
+    uint64_t holes = 0;
+    int broken = 0;
     for (int s = 0; s < test_size(2, SCENES); s++) {
         char path[1024];
-        if (!scenes[s].data || test_data(scenes[s].data, path)) fly(gpu, scenes[s].name, test_size(3, 0));
+        if (!scenes[s].data || test_data(scenes[s].data, path))
+            broken += fly(gpu, scenes[s].name, test_size(3, 0), &holes);
     }
+    assert_int_equal(broken, 0); // after all scenes have told their figures
+    assert_int_equal(holes, 0);
     assert_int_equal(gpu_debug_errors(gpu), 0);
     gpu_destroy(gpu);
 }
