@@ -2,6 +2,7 @@
 // claimed, and there are no holes.
 // SPDX-License-Identifier: MIT
 #include "bench/error.h"
+#include "bench/ridges.h"
 #include "common/scene/scene.h"
 #include "geomipmap/geomipmap.h"
 #include "tests/gpu/settings.h"
@@ -31,6 +32,8 @@ struct flight { // one scene, all taus
     struct truth_surface *surface;
     struct truth truth;
     struct frame_error error;
+    struct ridges ridges;
+    struct places *hits; // of the frame in hand
     float *pixels;
     int broken[TAUS];
     double tightness[TAUS], most[TAUS];
@@ -65,7 +68,15 @@ static void finish(struct flight *f)
     truth_surface_destroy(f->surface);
     truth_finish(&f->truth);
     frame_error_finish(&f->error);
+    ridges_finish(&f->ridges);
     free(f->pixels);
+}
+
+static void feed(const float *triangles, size_t count, void *user)
+{
+    struct flight *f = user;
+    ridges_feed(&f->ridges, triangles, count);
+    places_feed(triangles, count, f->hits);
 }
 
 // Holds what one renderer draws against the truth, which is cast already.
@@ -78,13 +89,14 @@ static void look(struct flight *f, int t, int frame, const struct view *view)
     gpu_target_begin(f->gpu, &f->target);
     geomipmap_renderer.draw(renderer, 0, PASS_POSITION);
     gpu_target_read(f->gpu, &f->target, f->pixels);
-    struct places *hits = truth_places(&f->truth, 0);
-    assert_non_null(hits);
-    assert_true(gpu_capture_begin(f->gpu, places_feed, hits));
+    f->hits = truth_places(&f->truth, 0);
+    assert_non_null(f->hits);
+    assert_true(ridges_begin(&f->ridges, view, f->pixels));
+    assert_true(gpu_capture_begin(f->gpu, feed, f));
     geomipmap_renderer.draw(renderer, 0, PASS_DEPTH);
     gpu_capture_end(f->gpu);
-    frame_error_measure(&f->error, f->scene->terrain, view, &f->truth, f->pixels, hits, 0);
-    places_destroy(hits);
+    frame_error_measure(&f->error, f->scene->terrain, view, &f->truth, f->pixels, f->hits, 0);
+    places_destroy(f->hits);
     double worst = 0;
     for (int p = 0; p < f->scene->width * f->scene->height; p++)
         if (f->error.kind[p] == PIXEL_GROUND) worst = fmax(worst, (double)f->error.error_px[p]);
