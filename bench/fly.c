@@ -118,6 +118,17 @@ static void read_positions(struct look *look, struct run *run, const struct sett
     gpu_target_read(run->gpu, &run->position, look->positions);
 }
 
+// Where to look for what is wrong: a flight is repeated up to this frame.
+static void tell_holes(const struct frame_error *error, const struct setting *setting, int frame)
+{
+    int p = 0;
+    if (error->holes == 0) return;
+    while (error->kind[p] != PIXEL_HOLE) p++;
+    printf("%s: frame %d has %llu holes, the first at column %d, row %d from below\n", setting->id, frame,
+           (unsigned long long)error->holes, p % error->width, p / error->width);
+    fflush(stdout);
+}
+
 // Searches what was drawn last for holes.
 static bool search(struct look *look, struct run *run, const struct setting *setting, const struct view *view,
                    struct flight *flight)
@@ -131,6 +142,7 @@ static bool search(struct look *look, struct run *run, const struct setting *set
     }
     frame_error_holes(&look->error, &look->truth, look->surface, view, look->positions, run->options.threads);
     if (interrupted) return true;
+    tell_holes(&look->error, setting, flight->frames - 1);
     flight->searches++;
     flight->drawn += look->error.ground + look->error.spills;
     flight->open_holes += look->error.holes;
@@ -160,6 +172,7 @@ static bool look_at(struct look *look, struct run *run, const struct setting *se
         return fail("out of memory");
     double p999 = samples.count ? error_samples_summary(&samples).p999 : 0;
     error_samples_finish(&samples);
+    tell_holes(&look->error, setting, flight->frames - 1);
     flight->looks++;
     flight->ground += look->error.ground;
     flight->holes += look->error.holes;
