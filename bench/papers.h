@@ -72,6 +72,7 @@ struct papers_flight { // one setting over a whole path
     const char *knobs[10];               // name, value, name, value ... NULL
     int samples;                         // a pixel; 0: one
     double frame_ms, update_ms, draw_ms; // measured: median over frames of the minimum over repeats
+    double select_ms;                    // mean over the timed frames
     double triangles;                    // mean a frame, as submitted
     double triangles_per_s;
     struct renderer_stats stats;                             // of the last frame

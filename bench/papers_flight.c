@@ -109,6 +109,7 @@ static bool fly_once(const struct papers *papers, const struct scene *scene, int
         flying->update_ms[at] = updated - start;
         flying->draw_ms[at] = end - updated;
         flying->triangles[i] = (double)flight->stats.triangles;
+        flight->select_ms += flight->stats.select_ms / ((double)papers->repeats * (double)frames);
         for (int c = 0; c < RENDERER_MAX_COUNTERS && flight->stats.counters[c].name; c++) {
             flight->counters[c].name = flight->stats.counters[c].name;
             flight->counters[c].value +=

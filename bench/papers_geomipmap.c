@@ -156,7 +156,7 @@ bool papers_geomipmap_work(struct papers *papers, struct papers_table *table)
         double *values = papers_row(table, "17 x 17, tau %s", taus[f]);
         values[0] = flights[f].frame_ms;
         values[1] = flights[f].update_ms;
-        values[2] = counter_of(flights[f].counters, "select_ms");
+        values[2] = flights[f].select_ms;
         values[3] = 100 * values[2] / values[0];
         values[4] = counter_of(flights[f].counters, "tiles");
         values[5] = 1000 * values[2] / values[4];

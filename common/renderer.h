@@ -44,7 +44,7 @@ struct renderer_desc {
     double knobs[RENDERER_MAX_KNOBS];    // by index into type->knobs
 };
 
-struct renderer_counter { // a figure of the method's own: cache hits, evictions, levels drawn ...
+struct renderer_counter { // a figure of the method's own, no time: cache hits, evictions, levels drawn ...
     const char *name;
     double value;
 };
@@ -54,6 +54,7 @@ struct renderer_stats { // of this frame
         triangles; // submitted by the last draw of view 0, stitches included, counted by the renderer itself
     double claimed_error_px; // what the method promises for this frame's view 0; NAN: it claims nothing
     uint64_t resident_bytes; // held in buffers and textures
+    double select_ms; // CPU time of the update that decided what to draw, uploads apart; 0: not told apart
     struct renderer_counter counters[RENDERER_MAX_COUNTERS]; // names NULL beyond the last
 };
 

@@ -657,6 +657,7 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
         .claimed_error_px = g->choice.metric == GEOMIPMAP_MEAN || late > 0 ? (double)NAN : g->choice.tau_px,
         .resident_bytes =
             buffer_bytes(g) + g->shading.light.resident_bytes + g->shading.colour.resident_bytes,
+        .select_ms = g->select_ms,
         .counters = {{"tiles", g->view_count > 0 ? g->views[0].drawn : 0},
                      {"hits", (double)(now->hits - before->hits)},
                      {"misses", (double)(now->misses - before->misses)},
@@ -665,7 +666,6 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
                      {"shrunk", (double)(now->shrunk - before->shrunk)},
                      {"slots", g->cache.slot_count},
                      {"late", late},
-                     {"select_ms", g->select_ms},
                      {"reformed", (double)g->reformed},
                      {"height_bytes", (double)g->vertex_bytes},
                      {"index_bytes", (double)(g->mesh.index_count * sizeof *g->mesh.indices)},
