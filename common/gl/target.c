@@ -75,7 +75,9 @@ void gpu_target_begin(struct gpu *gpu, const struct gpu_target *target)
     glFrontFace(GL_CCW);
     glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
     glEnable(GL_DEPTH_TEST);
-    glDepthFunc(GL_GREATER);
+    // A triangle that is narrower than the sub-pixel grid may cover a centre far outside itself, where its
+    // depth runs below 0 and is clamped to what was cleared: it still is ground, not sky.
+    glDepthFunc(GL_GEQUAL);
     glDepthMask(GL_TRUE);
     static const float far_away = 0;
     if (target->colour_format)
