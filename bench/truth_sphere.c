@@ -13,18 +13,24 @@
 // under them, are made of.
 enum { TILE = 8, BEFORE = 3, SIDE = TILE + 7, TILES = 4096, HEIGHTS = 40, REACH = 2 };
 
+// Of a terrain that is read on demand: the cells of a node of height PAGE_HEIGHT, bounded as in memory. Nodes
+// from there up are bounded by what the file tells of its tiles.
+enum { PAGE_HEIGHT = 6, PAGE = 1 << PAGE_HEIGHT, PAGE_SIDE = PAGE + 1 + 2 * REACH, PAGES = 256 };
+enum { PAGE_NODES = (4 * PAGE * PAGE - 1) / 3 }; // of all heights
+
 struct truth_sphere {
     const struct terrain *terrain;
     const struct detail *detail;
-    const int32_t *samples; // of level 0
+    const int32_t *samples; // of level 0; NULL: read in pages
     double radius_m, quantum_m, offset_m;
     double spacing_rad[2];  // of level 0
     int64_t first, columns; // of level 0
     int64_t pole;
     int finest, heights;
-    float *high[HEIGHTS]; // highest height of the finest surface over 2^k x 2^k cells of level 0, quanta
+    // Highest height of the finest surface over 2^k x 2^k cells of level 0, quanta; NULL: in pages.
+    float *high[HEIGHTS];
     int64_t width[HEIGHTS], height[HEIGHTS];
-    float low, highest;                   // of all
+    double low, highest;                  // of all, as the finest level tells
     double noise_q[DETAIL_MAX_FINER + 1]; // [-level]: what finer levels may add to it
 };
 
@@ -35,7 +41,15 @@ struct tile {
     float high[TILE][TILE]; // of the finest surface over a cell
 };
 
+struct page { // of level 0
+    int64_t x, y;
+    bool read;
+    int32_t samples[PAGE_SIDE][PAGE_SIDE]; // from REACH before its cells on
+    float high[PAGE_NODES];                // height after height
+};
+
 struct truth_tiles {
+    struct page *pages; // NULL: level 0 is in memory
     struct tile all[TILES];
 };
 
@@ -57,23 +71,51 @@ static float bound_of(const struct truth_sphere *s, int level, int64_t j, double
     return nextafterf((float)(high + (high - low) * DETAIL_OVERSHOOT + noise), HUGE_VALF);
 }
 
+// Of level 0: samples to either side of a cell's own that the surface over it is made of.
+static int reach_of(const struct truth_sphere *s)
+{
+    return s->finest < 0 ? REACH : 0;
+}
+
+// Over a cell in row j of level 0; `around`: the first of the samples about it, rows of `stride`.
+static float bound_cell(const struct truth_sphere *s, int64_t j, const int32_t *around, int stride)
+{
+    int32_t low = INT32_MAX, high = INT32_MIN;
+    int rows = 2 * reach_of(s) + 2;
+    for (int y = 0; y < rows; y++)
+        for (int x = 0; x < rows; x++) {
+            int32_t q = around[y * stride + x];
+            low = q < low ? q : low;
+            high = q > high ? q : high;
+        }
+    return bound_of(s, 0, j, low, high);
+}
+
 // Over the cells of one row of level 0.
 static void bound_row(struct truth_sphere *s, int64_t j)
 {
     struct sphere_grid grid = {s->first, s->columns, s->pole};
-    int reach = s->finest < 0 ? REACH : 0, rows = 2 * reach + 2;
-    float *out = s->high[0] + j * s->columns;
+    int reach = reach_of(s), rows = 2 * reach + 2;
     for (int64_t i = 0; i < s->columns; i++) {
-        int32_t around[36], low = INT32_MAX, high = INT32_MIN;
+        int32_t around[(2 * REACH + 2) * (2 * REACH + 2)];
         sphere_window(&grid, s->samples, s->first + i - reach, j - s->pole - reach, rows, rows, around);
-        for (int k = 0; k < rows * rows; k++) {
-            low = around[k] < low ? around[k] : low;
-            high = around[k] > high ? around[k] : high;
-        }
-        out[i] = bound_of(s, 0, j - s->pole, low, high);
-        float lowest = (float)(low - (out[i] - (float)high));
-        s->low = fminf(s->low, lowest);
+        s->high[0][j * s->columns + i] = bound_cell(s, j - s->pole, around, rows);
     }
+}
+
+// Over the nodes that are pages, unread.
+static void bound_pages(struct truth_sphere *s)
+{
+    int reach = reach_of(s);
+    for (int64_t y = 0; y < s->height[PAGE_HEIGHT]; y++)
+        for (int64_t x = 0; x < s->width[PAGE_HEIGHT]; x++) {
+            int64_t i = s->first + x * PAGE, j = y * PAGE - s->pole, last = j + PAGE - 1;
+            int32_t low, high;
+            terrain_bounds(s->terrain, 0, i - reach, j - reach, i + PAGE + reach, last + 1 + reach, &low,
+                           &high);
+            int64_t near_equator = j > 0 ? j : last < 0 ? last : 0; // where there is most noise
+            s->high[PAGE_HEIGHT][y * s->width[PAGE_HEIGHT] + x] = bound_of(s, 0, near_equator, low, high);
+        }
 }
 
 static void bound_parents(const struct truth_sphere *s, int k)
@@ -91,20 +133,21 @@ static void bound_parents(const struct truth_sphere *s, int k)
 static bool build_bounds(struct truth_sphere *s)
 {
     int64_t size[2] = {s->columns, 2 * s->pole};
-    s->low = HUGE_VALF;
     for (int k = 0; k < HEIGHTS; k++) {
         s->width[k] = (size[0] + ((int64_t)1 << k) - 1) >> k;
         s->height[k] = (size[1] + ((int64_t)1 << k) - 1) >> k;
         s->heights = k + 1;
-        s->high[k] = malloc((size_t)(s->width[k] * s->height[k]) * sizeof *s->high[k]);
-        if (!s->high[k]) return false;
-        if (k == 0)
-            for (int64_t j = 0; j < size[1]; j++) bound_row(s, j);
-        else
+        bool in_pages = !s->samples && k < PAGE_HEIGHT;
+        if (!in_pages) s->high[k] = malloc((size_t)(s->width[k] * s->height[k]) * sizeof *s->high[k]);
+        if (!in_pages && !s->high[k]) return false;
+        if (k > 0 && s->high[k - 1])
             bound_parents(s, k);
+        else if (s->samples)
+            for (int64_t j = 0; j < size[1]; j++) bound_row(s, j);
+        else if (!in_pages)
+            bound_pages(s);
         if (s->width[k] == 1 && s->height[k] == 1) break;
     }
-    s->highest = s->high[s->heights - 1][0];
     return true;
 }
 
@@ -127,12 +170,12 @@ struct truth_sphere *truth_sphere_create(const struct terrain *terrain)
         s->finest = info->finest;
         double all = detail_noise_limit(s->detail, -s->finest);
         for (int k = 0; k <= -s->finest; k++) s->noise_q[k] = all - detail_noise_limit(s->detail, k);
+        struct terrain_level finest = terrain_level(terrain, s->finest);
+        s->low = finest.min_q;
+        s->highest = finest.max_q;
     }
-    if (s && s->samples && build_bounds(s)) return s;
-    if (s && !s->samples)
-        fail("terrain %s: the ray caster on a sphere needs level 0 in memory", info->name);
-    else
-        fail("terrain %s: no memory for the ray caster", info->name);
+    if (s && build_bounds(s)) return s;
+    fail("terrain %s: no memory for the ray caster", info->name);
     truth_sphere_destroy(s);
     return NULL;
 }
@@ -148,14 +191,18 @@ void truth_sphere_destroy(struct truth_sphere *s)
 
 struct truth_tiles *truth_tiles_create(const struct truth_sphere *s)
 {
-    (void)s;
     struct truth_tiles *tiles = malloc(sizeof *tiles);
-    for (int k = 0; tiles && k < TILES; k++) tiles->all[k].level = 1;
-    return tiles;
+    if (!tiles) return NULL;
+    tiles->pages = s->samples ? NULL : calloc(PAGES, sizeof *tiles->pages);
+    for (int k = 0; k < TILES; k++) tiles->all[k].level = 1;
+    if (s->samples || tiles->pages) return tiles;
+    truth_tiles_destroy(tiles);
+    return NULL;
 }
 
 void truth_tiles_destroy(struct truth_tiles *tiles)
 {
+    if (tiles) free(tiles->pages);
     free(tiles);
 }
 
@@ -212,6 +259,48 @@ static const struct tile *tile_at(const struct truth_sphere *s, struct truth_til
                        TERRAIN_WAIT);
     bound_tile(s, tile);
     return tile;
+}
+
+// ---- pages -----------------------------------------------------------------
+
+// Nodes of height k of a page, PAGE >> k a row.
+static float *page_nodes(struct page *page, int k)
+{
+    float *nodes = page->high;
+    for (int below = 0; below < k; below++) nodes += (PAGE >> below) * (PAGE >> below);
+    return nodes;
+}
+
+static void bound_page(const struct truth_sphere *s, struct page *page)
+{
+    int before = REACH - reach_of(s);
+    for (int j = 0; j < PAGE; j++)
+        for (int i = 0; i < PAGE; i++)
+            page->high[j * PAGE + i] = bound_cell(s, page->y * PAGE + j - s->pole,
+                                                  &page->samples[j + before][i + before], PAGE_SIDE);
+    for (int k = 1; k <= PAGE_HEIGHT; k++) {
+        const float *below = page_nodes(page, k - 1);
+        float *nodes = page_nodes(page, k);
+        int side = PAGE >> k;
+        for (int j = 0; j < side; j++)
+            for (int i = 0; i < side; i++) {
+                const float *b = below + 4 * j * side + 2 * i;
+                nodes[j * side + i] = fmaxf(fmaxf(b[0], b[1]), fmaxf(b[2 * side], b[2 * side + 1]));
+            }
+    }
+}
+
+// Page (x, y), in nodes of its height; another call may make it another one.
+static struct page *page_at(const struct truth_sphere *s, struct truth_tiles *tiles, int64_t x, int64_t y)
+{
+    struct page *page = &tiles->pages[slot_of(0, x, y) % PAGES];
+    if (page->read && page->x == x && page->y == y) return page;
+    page->x = x, page->y = y;
+    page->read = true;
+    terrain_window(s->terrain, 0, s->first + x * PAGE - REACH, y * PAGE - s->pole - REACH, PAGE_SIDE,
+                   PAGE_SIDE, &page->samples[0][0], TERRAIN_WAIT);
+    bound_page(s, page);
+    return page;
 }
 
 // ---- a ray -----------------------------------------------------------------
@@ -414,7 +503,12 @@ static bool cell_hit(const struct ray *ray, int64_t i, int64_t j, const struct a
 {
     const struct truth_sphere *s = ray->s;
     struct cell cell = {.size = ldexp(1, s->finest)};
-    if (s->finest == 0) {
+    if (s->finest == 0 && !s->samples) {
+        const struct page *page = page_at(s, ray->tiles, i / PAGE, j / PAGE);
+        for (int north = 0; north < 2; north++)
+            for (int east = 0; east < 2; east++)
+                cell.corner[north][east] = page->samples[j % PAGE + REACH + north][i % PAGE + REACH + east];
+    } else if (s->finest == 0) {
         const int32_t *south = s->samples + j * s->columns, *north = south + s->columns;
         int64_t east = i + 1 == s->columns ? 0 : i + 1;
         cell.corner[0][0] = south[i], cell.corner[0][1] = south[east];
@@ -443,7 +537,12 @@ static bool cell_hit(const struct ray *ray, int64_t i, int64_t j, const struct a
 static double highest(const struct ray *ray, int k, int64_t i, int64_t j)
 {
     const struct truth_sphere *s = ray->s;
-    if (k >= 0) return (double)s->high[k][j * s->width[k] + i];
+    if (k >= 0 && s->high[k]) return (double)s->high[k][j * s->width[k] + i];
+    if (k >= 0) {
+        int above = PAGE_HEIGHT - k, side = 1 << above;
+        struct page *page = page_at(s, ray->tiles, i >> above, j >> above);
+        return (double)page_nodes(page, k)[j % side * side + i % side];
+    }
     int64_t scale = (int64_t)1 << -k, x = i + s->first * scale, y = j - s->pole * scale;
     return (double)tile_at(s, ray->tiles, k, x >> 3, y >> 3)->high[y & 7][x & 7];
 }
@@ -501,8 +600,8 @@ static bool visit_piece(const struct ray *ray, double t0, double t1, struct trut
 static bool enter_shell(const struct ray *ray, double *t0, double *t1)
 {
     const struct truth_sphere *s = ray->s;
-    double top = s->radius_m + s->offset_m + ((double)s->highest + 1) * s->quantum_m;
-    double core = s->radius_m + s->offset_m + ((double)s->low - 1) * s->quantum_m;
+    double top = s->radius_m + s->offset_m + (s->highest + 1) * s->quantum_m;
+    double core = s->radius_m + s->offset_m + (s->low - 1) * s->quantum_m;
     double a = dot(ray->direction, ray->direction), b = dot(ray->origin, ray->direction);
     double distance = sqrt(dot(ray->origin, ray->origin)),
            least = sqrt(fmax(distance * distance - b * b / a, 0));
@@ -520,6 +619,7 @@ static bool begins_below(const struct ray *ray, double t0)
 {
     const struct truth_sphere *s = ray->s;
     struct at at = at_time(ray, t0, 0.5 * (double)s->columns);
+    if (at.height_q > s->highest) return false; // and need not be read there
     double q, x = (at.place[0] + (double)s->first) * s->spacing_rad[0] * s->radius_m;
     double y = (at.place[1] - (double)s->pole) * s->spacing_rad[1] * s->radius_m;
     return terrain_truth_at(s->terrain, x, y, &q, NULL) && at.height_q < q;

@@ -4,6 +4,10 @@
 // to the cells of the finest level, and is bisected inside a triangle.  Synthesised levels are made where
 // rays come near them, tile by tile, the same samples as from terrain_window.
 //
+// Of a terrain that is read on demand, 64 x 64 cells of level 0 are read where a ray passes under the highest
+// of what the file tells of the tiles there; each thread keeps 10 MiB of them.  Nodes and their order are the
+// same, and so are the results, bit for bit.
+//
 // Poles are rows of cells like any other: their northern or southern corners are one point.  There columns
 // crowd: a ray that skims synthesised ground within metres of a pole crosses so many that it takes seconds.
 // SPDX-License-Identifier: MIT
@@ -18,7 +22,8 @@ struct truth_sphere;
 struct truth_sphere *truth_sphere_create(const struct terrain *terrain); // NULL after one line on stderr
 void truth_sphere_destroy(struct truth_sphere *sphere);                  // accepts NULL
 
-// Tiles of synthesised levels that one thread has made; any number of them changes no result.
+// Tiles of synthesised levels that one thread has made, and pages that it has read; any number of them
+// changes no result.
 struct truth_tiles;
 struct truth_tiles *truth_tiles_create(const struct truth_sphere *sphere); // NULL when memory runs out
 void truth_tiles_destroy(struct truth_tiles *tiles);                       // accepts NULL

@@ -3,6 +3,9 @@
 #include "bench/truth.h"
 #include "bench/truth_sphere.h"
 #include "common/scene/scene.h"
+#include "common/terrain/detail.h"
+#include "common/terrain/relief/relief_pack.h"
+#include "tests/folder.h"
 #include "tests/planet.h"
 
 #include <string.h>
@@ -140,6 +143,79 @@ static void a_flat_planet_is_a_sphere(void **state)
 }
 
 // Tiles are a cache: a picture is the same with any number of threads, and detail under the eye is seen.
+// The planet of a terrain in memory, packed without loss and opened to be read on demand.
+static struct terrain *on_disk(const struct terrain *memory, int columns, int finer)
+{
+    int rows = columns / 2 + 1;
+    struct heightfield field = {.name = "planet",
+                                .width = columns,
+                                .height = rows,
+                                .spacing_m = {2 * M_PI * RADIUS / columns, 2 * M_PI * RADIUS / columns},
+                                .quantum_m = 1,
+                                .radius_m = RADIUS,
+                                .samples = malloc((size_t)columns * (size_t)rows * sizeof(int32_t))};
+    struct relief_header header;
+    assert_non_null(field.samples);
+    terrain_window(memory, 0, -columns / 2, -columns / 4, columns, rows, field.samples, TERRAIN_WAIT);
+    for (int k = 0; k < columns * rows; k++)
+        field.samples[k] = (int32_t)lrint(field.samples[k] * terrain_info(memory)->quantum_m);
+    assert_true(relief_pack(&field, &(struct relief_pack_options){.layout = LAYOUT_BOUNDED},
+                            in_folder("planet.relief"), &header));
+    heightfield_finish(&field);
+    const struct terrain_options options = {.cache_bytes = 2 << 20, .synthesize_levels = finer, .seed = 2};
+    struct terrain *disk = terrain_load(in_folder("planet.relief"), &options);
+    assert_non_null(disk);
+    assert_null(terrain_extrema(disk)); // read on demand
+    return disk;
+}
+
+// Over a planet on disk and the same in memory every ray meets the same place, bit for bit, though the one's
+// bounds are looser and the other's are of single cells.
+static void on_disk_as_in_memory(void **state)
+{
+    static const struct {
+        int columns, finer;
+    } KINDS[] = {{1440, 0}, {36, 0}, {1440, 3}};
+    (void)state;
+    for (int kind = 0; kind < 3; kind++) {
+        int columns = KINDS[kind].columns, finer = KINDS[kind].finer, count = test_size(1000, 200000);
+        struct terrain *memory = test_planet(columns, 1e4, columns > W ? 40 : 9, finer);
+        struct terrain *disk = on_disk(memory, columns, finer);
+        // Noise is fitted to a file's own coarse levels: for the same planet it is given.
+        memcpy(((struct detail *)(uintptr_t)terrain_detail(memory))->sigma_q, terrain_detail(disk)->sigma_q,
+               sizeof terrain_detail(disk)->sigma_q);
+        const struct terrain_info *info = terrain_info(disk);
+        struct truth_sphere *spheres[2] = {truth_sphere_create(memory), truth_sphere_create(disk)};
+        struct truth_tiles *tiles[2] = {truth_tiles_create(spheres[0]), truth_tiles_create(spheres[1])};
+        uint64_t seed = 23;
+        int hits = 0, differ = 0;
+        double highest_m = terrain_level(disk, 0).max_q * info->quantum_m + info->offset_m;
+        for (int k = 0; k < count; k++) {
+            double origin[3], direction[3];
+            struct truth_sphere_hit hit[2];
+            memset(hit, 0, sizeof hit);
+            random_ray(memory, &seed, k, highest_m, origin, direction);
+            bool ground[2];
+            for (int i = 0; i < 2; i++)
+                ground[i] = truth_sphere_cast(spheres[i], tiles[i], origin, direction, 0, &hit[i]);
+            differ += ground[0] != ground[1] || memcmp(&hit[0], &hit[1], sizeof hit[0]) != 0;
+            hits += ground[0];
+        }
+        FIGURE("sphere caster over %d columns on disk, %d finer levels: %d of %d rays hit, %d differ from "
+               "memory",
+               columns, finer, hits, count, differ);
+        assert_true(hits > count / 5);
+        assert_int_equal(differ, 0);
+        assert_false(terrain_failed(disk));
+        for (int i = 0; i < 2; i++) {
+            truth_tiles_destroy(tiles[i]);
+            truth_sphere_destroy(spheres[i]);
+        }
+        terrain_destroy(disk);
+        terrain_destroy(memory);
+    }
+}
+
 static void pictures_of_a_walk(void **state)
 {
     (void)state;
@@ -187,7 +263,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_flat_planet_is_a_sphere),
         cmocka_unit_test(hits_are_the_first),
+        cmocka_unit_test(on_disk_as_in_memory),
         cmocka_unit_test(pictures_of_a_walk),
     };
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }
