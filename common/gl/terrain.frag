@@ -19,10 +19,22 @@ float cosine_to(vec3 direction)
 }
 #endif
 
+vec3 to_sun()
+{
+#ifdef SPHERE
+    // North-west turns about a pole.  So the light comes from over one place of the planet (30 N, 70 W): as low as on the
+    // plane at a quarter turn from it, higher towards it and its antipode, and even everywhere.
+    const vec3 sun = 0.82 * vec3(0.296, -0.814, 0.5);
+    vec2 level = vec2(dot(axes[0].xyz, sun), dot(axes[1].xyz, sun));
+    return vec3(level, sqrt(1.0 - dot(level, level)));
+#else
+    return vec3(-0.58, 0.58, 0.57); // north-west, 35 degrees high
+#endif
+}
+
 vec3 lit_ground()
 {
-    const vec3 to_sun = vec3(-0.58, 0.58, 0.57); // north-west, 35 degrees high
-    return ground_colour() * sunlight(max(cosine_to(to_sun), 0.0));
+    return ground_colour() * sunlight(max(cosine_to(to_sun()), 0.0));
 }
 #endif
 

@@ -45,10 +45,13 @@ static void prepare(struct renderer *renderer, const struct terrain *terrain, co
 // ---- D5 --------------------------------------------------------------------
 
 // Hills that look the same along the three axes of the planet, so that the ground at the pole is that at the
-// equator.
-static struct terrain *turned_planet(int finer)
+// equator.  The planet is so small that a cell is a few steps wide: heights are linear in longitude and
+// latitude, and with wide cells the pole would be the tip of a fan of facets, which the equator has not.
+static const double SMALL_RADIUS_M = 2000;
+
+static struct terrain *turned_planet(void)
 {
-    enum { COLUMNS = 256, ROWS = 129 };
+    enum { COLUMNS = 2048, ROWS = 1025 };
     static int32_t samples[COLUMNS * ROWS];
     for (int k = 0; k < COLUMNS * ROWS; k++) {
         double longitude = 2 * M_PI * (k % COLUMNS) / COLUMNS - M_PI,
@@ -56,7 +59,7 @@ static struct terrain *turned_planet(int finer)
         double p[3] = {cos(latitude) * cos(longitude), cos(latitude) * sin(longitude), sin(latitude)},
                sum = 0;
         for (int a = 0; a < 3; a++) sum += sin(9 * p[a] + 5 * p[(a + 1) % 3]) * cos(7 * p[(a + 2) % 3]);
-        samples[k] = (int32_t)lrint(2500 * sum);
+        samples[k] = (int32_t)lrint(1e4 * sum);
     }
     struct terrain_grid grid = {.name = "turned",
                                 .samples = samples,
@@ -64,9 +67,8 @@ static struct terrain *turned_planet(int finer)
                                 .height = ROWS,
                                 .first = {-COLUMNS / 2, 0},
                                 .spacing_m = {1, 1},
-                                .quantum_m = 1};
-    struct terrain *terrain = terrain_from_grid(
-        &grid, &(struct terrain_options){.radius_m = RADIUS, .synthesize_levels = finer, .seed = 2});
+                                .quantum_m = 1e-3};
+    struct terrain *terrain = terrain_from_grid(&grid, &(struct terrain_options){.radius_m = SMALL_RADIUS_M});
     assert_non_null(terrain);
     return terrain;
 }
@@ -95,57 +97,98 @@ static double change_px(const struct view *view, float (*a)[4], float (*b)[4])
     return (double)changes[count / 2];
 }
 
-// The change from one frame to the next, the largest and the mean over the walk.
-static void walk_changes(const struct terrain *terrain, double latitude_m, int steps, double *worst,
-                         double *mean)
+// The same of colours: the mean difference of a channel, of 255.
+static double change_of_colour(uint8_t (*a)[4], uint8_t (*b)[4])
 {
-    static float pictures[2][PIXELS][4];
-    struct gpu_target target;
+    double sum = 0;
+    for (int p = 0; p < PIXELS; p++)
+        for (int k = 0; k < 3; k++) sum += abs(b[p][k] - a[p][k]);
+    return sum / (3 * PIXELS);
+}
+
+struct change {
+    double worst, mean;
+};
+
+struct walk_change {
+    struct change px, colour;
+};
+
+static void add_change(struct change *change, double value, int steps)
+{
+    change->worst = fmax(change->worst, value);
+    change->mean += value / steps;
+}
+
+// Over the pole along the meridian of 0 degrees, or westwards over the meridian of 0 along the equator:
+// turned_planet() has the same ground along both.
+static struct camera walker(bool polar, double along_m, double eye_m)
+{
+    double pole_m = 0.5 * M_PI * SMALL_RADIUS_M;
+    bool over = polar && along_m > 0; // southwards from there, on the meridian of 180 degrees
+    struct camera camera = {{-along_m, 0, eye_m}, M_PI, -0.35, 0, 60 * DEGREE};
+    if (!polar) return camera;
+    camera.eye_m[0] = over ? 2 * pole_m : 0;
+    camera.eye_m[1] = pole_m - fabs(along_m);
+    camera.yaw = over ? -M_PI / 2 : M_PI / 2;
+    return camera;
+}
+
+// 20 m over the ground in the middle of the walk.
+static double walker_height(const struct terrain *terrain, bool polar)
+{
+    double q = 0;
+    const struct terrain_info *info = terrain_info(terrain);
+    assert_true(terrain_truth_at(terrain, 0, polar ? 0.5 * M_PI * SMALL_RADIUS_M : 0, &q, NULL));
+    return q * info->quantum_m + info->offset_m + 20;
+}
+
+// The change from one frame to the next, the largest and the mean over the walk.
+static struct walk_change walk(const struct terrain *terrain, bool polar, int steps)
+{
+    static float places[2][PIXELS][4];
+    static uint8_t colours[2][PIXELS][4];
+    struct walk_change change = {0};
+    struct gpu_target target, colour_target;
     struct renderer *renderer = create(terrain, "n=127");
-    double pole_m = 0.5 * M_PI * RADIUS, ground_m = 0;
     assert_true(gpu_target_init(gpu, &target, WIDTH, HEIGHT, GL_RGBA32F));
-    *worst = *mean = 0;
+    assert_true(gpu_target_init(gpu, &colour_target, WIDTH, HEIGHT, GL_RGBA8));
+    double eye_m = walker_height(terrain, polar);
     for (int step = 0; step <= steps; step++) {
-        double north_m = latitude_m + step - 0.5 * steps; // past the pole the meridian goes on southwards
-        bool over = north_m > pole_m;
-        struct camera camera = {{over ? pole_m * 2 : 0, over ? 2 * pole_m - north_m : north_m, 0},
-                                over ? -M_PI / 2 : M_PI / 2,
-                                -0.35,
-                                0,
-                                60 * DEGREE};
-        if (step == 0) {
-            struct camera start = test_camera(terrain, 0, camera.eye_m[1] / RADIUS / DEGREE, 20, 0, 0);
-            ground_m = start.eye_m[2];
-        }
-        camera.eye_m[2] = ground_m;
+        struct camera camera = walker(polar, step - 0.5 * steps, eye_m);
         struct view view;
         view_init(&view, terrain, &camera, WIDTH, HEIGHT, 1);
         prepare(renderer, terrain, &view, step);
         gpu_target_begin(gpu, &target);
         clipmap_renderer.draw(renderer, 0, PASS_POSITION);
-        gpu_target_read(gpu, &target, pictures[step % 2]);
-        double change = step ? change_px(&view, pictures[0], pictures[1]) : 0;
-        *worst = fmax(*worst, change);
-        *mean += change / steps;
+        gpu_target_read(gpu, &target, places[step % 2]);
+        gpu_target_begin(gpu, &colour_target);
+        clipmap_renderer.draw(renderer, 0, PASS_SHADED);
+        gpu_target_read(gpu, &colour_target, colours[step % 2]);
+        if (step == 0) continue;
+        add_change(&change.px, change_px(&view, places[0], places[1]), steps);
+        add_change(&change.colour, change_of_colour(colours[0], colours[1]), steps);
     }
     clipmap_renderer.destroy(renderer);
     gpu_target_finish(&target);
+    gpu_target_finish(&colour_target);
+    return change;
 }
 
 static void pictures_change_evenly_over_a_pole(void **state)
 {
     (void)state;
-    struct terrain *terrain = turned_planet(16);
-    double pole[2], equator[2];
+    struct terrain *terrain = turned_planet();
     int steps = test_size(20, 400);
-    walk_changes(terrain, 0.5 * M_PI * RADIUS, steps, &pole[0], &pole[1]);
-    walk_changes(terrain, 0, steps, &equator[0], &equator[1]);
-    FIGURE(
-        "D5: a step of 1 m changes the picture by %.2e px at most, %.2e in the mean over the pole; %.2e and "
-        "%.2e over the equator",
-        pole[0], pole[1], equator[0], equator[1]);
-    assert_true(equator[1] > 0);
-    assert_true(pole[0] <= 2 * equator[0] && pole[1] <= 2 * equator[1]);
+    struct walk_change pole = walk(terrain, true, steps), equator = walk(terrain, false, steps);
+    FIGURE("D5: a step of 1 m changes places by %.2e px at most, %.2e in the mean over the pole; %.2e and "
+           "%.2e over the equator",
+           pole.px.worst, pole.px.mean, equator.px.worst, equator.px.mean);
+    FIGURE("D5: and colours by %.2f of 255 at most, %.2f in the mean; %.2f and %.2f over the equator",
+           pole.colour.worst, pole.colour.mean, equator.colour.worst, equator.colour.mean);
+    assert_true(equator.px.mean > 0 && equator.colour.mean > 0);
+    assert_true(pole.px.worst <= 2 * equator.px.worst && pole.px.mean <= 2 * equator.px.mean);
+    assert_true(pole.colour.worst <= 2 * equator.colour.worst && pole.colour.mean <= 2 * equator.colour.mean);
     terrain_destroy(terrain);
 }
 
