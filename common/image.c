@@ -50,8 +50,39 @@ static void read_file(png_structp png, png_bytep out, size_t size)
 struct decoded { // outlives a longjmp, so it lives in the caller's frame
     int width, height;
     uint16_t *samples;
-    bool wrong_kind;
+    bool copies; // to `to`, with a row in memory
+    int to;
+    bool own_words; // the message is not libpng's
 };
+
+static bool write_row(int to, const void *row, size_t size)
+{
+    for (size_t done = 0; done < size;) {
+        ssize_t n = write(to, (const char *)row + done, size - done);
+        if (n < 0 && errno == EINTR) continue;
+        if (n <= 0) return false;
+        done += (size_t)n;
+    }
+    return true;
+}
+
+// Rows of big-endian samples from the top, to memory or to a file.
+static bool decode_rows(png_structp png, int passes, struct message *message, struct decoded *decoded)
+{
+    size_t width = (size_t)decoded->width;
+    for (int pass = 0; pass < passes; pass++)
+        for (int y = 0; y < decoded->height; y++) {
+            uint16_t *row = decoded->samples + (decoded->copies ? 0 : (size_t)y * width);
+            png_read_row(png, (png_bytep)row, NULL);
+            if (!decoded->copies || write_row(decoded->to, row, 2 * width)) continue;
+            decoded->own_words = true;
+            snprintf(message->text, sizeof message->text, "its samples cannot be written out (%s)",
+                     strerror(errno));
+            return false;
+        }
+    png_read_end(png, NULL); // a file cut after its last row is still a damaged file
+    return true;
+}
 
 static bool decode(png_structp png, png_infop info, struct message *message, struct decoded *decoded)
 {
@@ -60,7 +91,7 @@ static bool decode(png_structp png, png_infop info, struct message *message, str
     png_read_info(png, info);
     int depth = png_get_bit_depth(png, info), colour = png_get_color_type(png, info);
     if (depth != 16 || colour != PNG_COLOR_TYPE_GRAY) {
-        decoded->wrong_kind = true;
+        decoded->own_words = true;
         snprintf(message->text, sizeof message->text, "is a %d-bit %s PNG; 16-bit grey is expected", depth,
                  colour == PNG_COLOR_TYPE_GRAY ? "grey" : "colour");
         return false;
@@ -69,14 +100,12 @@ static bool decode(png_structp png, png_infop info, struct message *message, str
     decoded->height = (int)png_get_image_height(png, info);
     int passes = png_set_interlace_handling(png);
     png_read_update_info(png, info);
-    size_t count = (size_t)decoded->width * (size_t)decoded->height;
+    if (decoded->copies && passes > 1) png_error(png, "it is interlaced");
+    size_t count = (size_t)decoded->width * (size_t)(decoded->copies ? 1 : decoded->height);
     decoded->samples = calloc(count, sizeof *decoded->samples);
     if (!decoded->samples) png_error(png, "it does not fit in memory");
-    for (int pass = 0; pass < passes; pass++)
-        for (int y = 0; y < decoded->height; y++)
-            png_read_row(png, (png_bytep)(decoded->samples + (size_t)y * (size_t)decoded->width), NULL);
-    png_read_end(png, NULL);             // a file cut after its last row is still a damaged file
-    for (size_t i = 0; i < count; i++) { // PNG is big-endian, whatever this machine is
+    if (!decode_rows(png, passes, message, decoded)) return false;
+    for (size_t i = 0; !decoded->copies && i < count; i++) { // PNG is big-endian, whatever this machine is
         const unsigned char *b = (const unsigned char *)&decoded->samples[i];
         decoded->samples[i] = (uint16_t)(b[0] << 8 | b[1]);
     }
@@ -100,7 +129,7 @@ static bool read_grey16(const char *path, FILE *file, struct bytes *bytes, struc
     png_destroy_read_struct(&png, &info, NULL);
     if (good) return true;
     free(decoded->samples);
-    if (decoded->wrong_kind) return fail("%s: %s", path, message.text);
+    if (decoded->own_words) return fail("%s: %s", path, message.text);
     return fail("%s: not a whole PNG (%s); a 16-bit grey PNG is expected", path, message.text);
 }
 
@@ -118,6 +147,36 @@ bool image_read_grey16(const char *path, const void *data, size_t size, int *wid
     *height = decoded.height;
     *samples = decoded.samples;
     return true;
+}
+
+bool image_size_grey16(const char *path, int *width, int *height, bool *interlaced)
+{
+    enum { WIDTH = 16, DEPTH = 24, COLOUR, METHOD = 28, HEADER = 33 }; // the signature, then the chunk IHDR
+    uint8_t head[HEADER];
+    FILE *file = fopen(path, "rb");
+    bool good = file && fread(head, 1, HEADER, file) == HEADER && png_sig_cmp(head, 0, 8) == 0 &&
+                memcmp(head + 12, "IHDR", 4) == 0 && head[DEPTH] == 16 && head[COLOUR] == PNG_COLOR_TYPE_GRAY;
+    if (file) fclose(file);
+    if (!good) return false;
+    int *const sizes[2] = {width, height};
+    for (int axis = 0; axis < 2; axis++) {
+        uint32_t size = png_get_uint_32(head + WIDTH + 4 * axis);
+        if (size < 1 || size > 1 << 20) return false;
+        *sizes[axis] = (int)size;
+    }
+    *interlaced = head[METHOD] != 0;
+    return true;
+}
+
+bool image_copy_grey16(const char *path, int to)
+{
+    struct decoded decoded = {.copies = true, .to = to};
+    FILE *file = fopen(path, "rb");
+    if (!file) return fail("%s: %s; a 16-bit grey PNG is expected", path, strerror(errno));
+    bool good = read_grey16(path, file, NULL, &decoded);
+    fclose(file);
+    if (good) free(decoded.samples);
+    return good;
 }
 
 // Whatever the file holds becomes 8-bit RGBA, 4 bytes a pixel.

@@ -146,9 +146,7 @@ static bool load_png(struct heightfield *field, const char *path)
     struct sidecar sidecar = sidecar_default();
     enum sidecar_found found = sidecar_load(&sidecar, path);
     if (found == SIDECAR_BAD || !take_png(field, path, NULL, 0, &sidecar)) return false;
-    if (found == SIDECAR_ABSENT)
-        note("%s: has no sidecar .json; %g m between samples and 1 m a step are assumed", path,
-             sidecar.spacing_m[0]);
+    if (found == SIDECAR_ABSENT) heightfield_note_assumed(path, &sidecar);
     return true;
 }
 
@@ -179,34 +177,41 @@ static bool latitude_of(const char *path, int *degrees)
     return true;
 }
 
+static const char HGT[] = "an SRTM tile (a square of big-endian 16-bit samples: 1201 or 3601 a side)";
+
+bool heightfield_describe_hgt(const char *path, size_t size, struct sidecar *sidecar, bool *placed)
+{
+    int64_t side = (int64_t)llround(sqrt((double)(size / 2)));
+    if (side < 2 || (size_t)side * (size_t)side * 2 != size)
+        return fail("%s: %zu bytes are no square of 16-bit samples; %s is expected", path, size, HGT);
+    int south = 0;
+    *placed = latitude_of(path, &south);
+    *sidecar = sidecar_default();
+    sidecar->type = SIDECAR_INT16;
+    sidecar->big_endian = true;
+    sidecar->width = sidecar->height = side;
+    double step_m = HEIGHTFIELD_EARTH_RADIUS_M * DEGREE / (double)(side - 1); // a tile is one degree
+    sidecar->spacing_m[0] = *placed ? step_m * cos((south + 0.5) * DEGREE) : step_m;
+    sidecar->spacing_m[1] = step_m;
+    return true;
+}
+
 static bool load_hgt(struct heightfield *field, const char *path)
 {
-    static const char EXPECTED[] =
-        "an SRTM tile (a square of big-endian 16-bit samples: 1201 or 3601 a side)";
+    struct sidecar sidecar;
+    bool placed = false;
     size_t size = 0;
-    unsigned char *data = read_whole(path, EXPECTED, &size);
+    unsigned char *data = read_whole(path, HGT, &size);
     if (!data) return false;
-    int64_t side = (int64_t)llround(sqrt((double)(size / 2)));
-    bool good = side >= 2 && (size_t)side * (size_t)side * 2 == size;
-    if (!good) fail("%s: %zu bytes are no square of 16-bit samples; %s is expected", path, size, EXPECTED);
-    int south = 0;
-    bool placed = latitude_of(path, &south);
-    struct sidecar sidecar = sidecar_default();
-    sidecar.type = SIDECAR_INT16;
+    bool good = heightfield_describe_hgt(path, size, &sidecar, &placed);
     if (good) {
-        double step_m = HEIGHTFIELD_EARTH_RADIUS_M * DEGREE / (double)(side - 1); // a tile is one degree
-        sidecar.spacing_m[0] = step_m * cos((south + 0.5) * DEGREE);
-        sidecar.spacing_m[1] = step_m;
-        if (!placed) sidecar.spacing_m[0] = step_m;
-        field->width = field->height = side;
+        field->width = field->height = sidecar.width;
         uint16_t *raw = (uint16_t *)(void *)data; // as malloc aligned it
-        for (int64_t i = 0; i < side * side; i++) raw[i] = (uint16_t)(data[2 * i] << 8 | data[2 * i + 1]);
+        for (size_t i = 0; i < size / 2; i++) raw[i] = (uint16_t)(data[2 * i] << 8 | data[2 * i + 1]);
         good = take_grey16(field, path, raw, &sidecar);
     }
     free(data);
-    if (good && !placed)
-        note("%s: the name tells no latitude (as N47W122.hgt does); the spacing of the equator is assumed",
-             path);
+    if (good && !placed) heightfield_note_assumed(path, &sidecar);
     return good;
 }
 
@@ -326,6 +331,16 @@ bool heightfield_quantise(struct heightfield *field, const double *height_m, int
 }
 
 // ---- any file --------------------------------------------------------------
+
+void heightfield_note_assumed(const char *path, const struct sidecar *sidecar)
+{
+    if (ends_in(path, ".hgt"))
+        note("%s: the name tells no latitude (as N47W122.hgt does); the spacing of the equator is assumed",
+             path);
+    else
+        note("%s: has no sidecar .json; %g m between samples and 1 m a step are assumed", path,
+             sidecar->spacing_m[0]);
+}
 
 bool heightfield_is_raw(const char *path)
 {

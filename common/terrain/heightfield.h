@@ -48,6 +48,13 @@ bool heightfield_load(struct heightfield *field, const char *path);
 // Spacing, scale, and whether it is a planet, of a map of field->width x field->height samples.
 void heightfield_describe(struct heightfield *field, const struct sidecar *sidecar);
 
+// What an .hgt file of `size` bytes holds; *placed tells whether its name gives the latitude.  False after
+// one line on stderr.
+bool heightfield_describe_hgt(const char *path, size_t size, struct sidecar *sidecar, bool *placed);
+
+// Tells what was assumed of a PNG without a sidecar or an .hgt file whose name gives no latitude.
+void heightfield_note_assumed(const char *path, const struct sidecar *sidecar);
+
 // A PNG and its sidecar in memory; `path` names them in messages.
 bool heightfield_load_memory(struct heightfield *field, const char *path, const void *png, size_t png_size,
                              const char *sidecar, size_t sidecar_size);

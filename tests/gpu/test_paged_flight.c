@@ -31,7 +31,7 @@ static int make_world(void **state)
           "\"height\": 1463}",
           spec);
     fclose(spec);
-    if (!relief_source_open(&source, in_folder("world.json"), 0)) return -1;
+    if (!relief_source_open(&source, in_folder("world.json"), 0, NULL)) return -1;
     bool good = relief_pack_source(&source, &options, in_folder("world.relief"), &header);
     relief_source_finish(&source);
     return good ? 0 : -1;

@@ -20,7 +20,7 @@ static struct rusage pack_in_child(const char *path)
     if (child == 0) {
         struct relief_source source;
         struct relief_header header;
-        bool good = relief_source_open(&source, "bench/worlds/us64.json", 0) &&
+        bool good = relief_source_open(&source, "bench/worlds/us64.json", 0, NULL) &&
                     relief_pack_source(&source, &OPTIONS, path, &header);
         _exit(!good);
     }
@@ -58,7 +58,7 @@ static void test_places_of_it_are_as_promised(void **state)
     struct relief_source source;
     struct relief *relief = relief_open(in_folder("world.relief"));
     assert_non_null(relief);
-    assert_true(relief_source_open(&source, "bench/worlds/us64.json", 0));
+    assert_true(relief_source_open(&source, "bench/worlds/us64.json", 0, NULL));
     const struct grid *grid = relief_grid(relief);
     uint64_t seed = 9;
     double squares = 0, most = 0;

@@ -4,11 +4,13 @@
 #include "tests/field.h"
 #include "tests/folder.h"
 
+#include "common/image.h"
 #include "common/terrain/relief/relief_file.h"
 #include "common/terrain/relief/relief_pack.h"
 #include "common/terrain/upsample.h"
 
 #include <fcntl.h>
+#include <png.h>
 #include <signal.h>
 #include <string.h>
 #include <sys/resource.h>
@@ -188,7 +190,7 @@ static void test_a_raw_file_is_read_by_windows(void **state)
         struct relief_source source;
         struct relief_header header;
         pack(&field, BOUNDED, "field.relief");
-        assert_true(relief_source_open(&source, in_folder("hills.raw"), LITTLE_MEMORY));
+        assert_true(relief_source_open(&source, in_folder("hills.raw"), LITTLE_MEMORY, NULL));
         assert_true(relief_pack_source(&source, &BOUNDED, in_folder("raw.relief"), &header));
         relief_source_finish(&source);
         assert_same_files("field.relief", "raw.relief");
@@ -197,11 +199,84 @@ static void test_a_raw_file_is_read_by_windows(void **state)
     raw[98] = 0x80, raw[99] = 0;
     write_file("hills.raw", raw, sizeof raw);
     struct relief_source source;
-    assert_false(relief_source_open(&source, in_folder("hills.raw"), LITTLE_MEMORY)); // one line: voids
-    assert_true(relief_source_open(&source, in_folder("hills.raw"), 64 << 20));
+    assert_false(relief_source_open(&source, in_folder("hills.raw"), LITTLE_MEMORY, NULL)); // one line: voids
+    assert_true(relief_source_open(&source, in_folder("hills.raw"), 64 << 20, NULL));
     assert_int_equal(source.voids_filled, 1);
     relief_source_finish(&source);
     heightfield_finish(&field);
+}
+
+enum { MAP_SIDE = 640, ROOMY_MEMORY = 1 << 30 };
+
+// 16-bit grey, big-endian rows from the north.
+static void write_png(const char *name, const uint8_t *rows, int height, int interlace)
+{
+    FILE *file = fopen(in_folder(name), "wb");
+    png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, NULL, NULL, NULL);
+    png_infop info = png_create_info_struct(png);
+    assert_true(file && info && !setjmp(png_jmpbuf(png)));
+    png_init_io(png, file);
+    png_set_IHDR(png, info, MAP_SIDE, (png_uint_32)height, 16, PNG_COLOR_TYPE_GRAY, interlace,
+                 PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+    png_write_info(png, info);
+    for (int pass = png_set_interlace_handling(png); pass > 0; pass--)
+        for (int y = 0; y < height; y++) png_write_row(png, rows + 2 * MAP_SIDE * y);
+    png_write_end(png, NULL);
+    png_destroy_write_struct(&png, &info);
+    fclose(file);
+}
+
+// Opened with little memory and with a lot; both pack to the same file.  Returns whether the first was read
+// by windows.
+static bool little_memory_gives_the_same(const char *name)
+{
+    const size_t memory[2] = {LITTLE_MEMORY, ROOMY_MEMORY};
+    const char *const packed[2] = {"little.relief", "roomy.relief"};
+    struct relief_source sources[2];
+    struct relief_header header;
+    for (int i = 0; i < 2; i++) {
+        assert_true(relief_source_open(&sources[i], in_folder(name), memory[i], NULL));
+        assert_true(relief_pack_source(&sources[i], &BOUNDED, in_folder(packed[i]), &header));
+    }
+    assert_same_files(packed[0], packed[1]);
+    assert_true(sources[0].identity == sources[1].identity);
+    assert_int_equal(sources[0].magnitude_q, sources[1].magnitude_q);
+    assert_int_equal(sources[0].voids_filled, sources[1].voids_filled);
+    bool by_windows = sources[0].window != sources[1].window;
+    for (int i = 0; i < 2; i++) relief_source_finish(&sources[i]);
+    return by_windows;
+}
+
+static void test_large_files_are_not_held(void **state)
+{
+    (void)state;
+    enum { W = MAP_SIDE, H = MAP_SIDE };
+    static uint8_t rows[W * H * 2];
+    struct heightfield field = hills(W, H, 4);
+    for (int i = 0; i < W * H; i++) {
+        int32_t q = field.samples[(H - 1 - i / W) * W + i % W] - 3000;
+        rows[2 * i] = (uint8_t)(q >> 8);
+        rows[2 * i + 1] = (uint8_t)q;
+    }
+    heightfield_finish(&field);
+    write_png("bare.png", rows, H, PNG_INTERLACE_NONE);
+    assert_true(little_memory_gives_the_same("bare.png")); // no sidecar: unsigned
+    write_text("map.json", "{\"width\": 640, \"height\": 610, \"dtype\": \"int16\", \"spacing_m\": [30, 40], "
+                           "\"height_scale\": 0.1, \"height_offset\": 7, \"nodata\": 32000}");
+    write_png("map.png", rows, 610, PNG_INTERLACE_NONE);
+    assert_true(little_memory_gives_the_same("map.png"));
+    write_file("N47W122.hgt", rows, sizeof rows);
+    assert_true(little_memory_gives_the_same("N47W122.hgt"));
+    write_png("map.png", rows, 610, PNG_INTERLACE_ADAM7);
+    assert_false(little_memory_gives_the_same("map.png"));
+    rows[4000] = 32000 >> 8, rows[4001] = 32000 & 255; // a void
+    write_png("map.png", rows, 610, PNG_INTERLACE_NONE);
+    assert_false(little_memory_gives_the_same("map.png"));
+    write_png("map.png", rows, 609, PNG_INTERLACE_NONE);
+    struct relief_source source; // one line: the sidecar says another height
+    assert_false(relief_source_open(&source, in_folder("map.png"), LITTLE_MEMORY, NULL));
+    assert_int_equal(truncate(in_folder("bare.png"), 200000), 0);
+    assert_false(relief_source_open(&source, in_folder("bare.png"), LITTLE_MEMORY, NULL));
 }
 
 static const char WORLD[] =
@@ -213,7 +288,7 @@ static void test_a_made_world_is_the_same_from_any_window(void **state)
     (void)state;
     struct relief_source source;
     write_text("world.json", WORLD);
-    assert_true(relief_source_open(&source, in_folder("world.json"), 0));
+    assert_true(relief_source_open(&source, in_folder("world.json"), 0, NULL));
     assert_int_equal(source.size[0], 1100);
     struct patch whole = {{0, 0, 1100, 900}, malloc(1100 * 900 * sizeof(int32_t))};
     assert_true(source.window(&source, &whole));
@@ -262,7 +337,7 @@ static void test_specs_that_do_not_serve_are_one_line(void **state)
     for (size_t i = 0; i < sizeof BAD / sizeof *BAD; i++) {
         struct relief_source source;
         write_text("bad.json", BAD[i]);
-        assert_false(relief_source_open(&source, in_folder("bad.json"), 0));
+        assert_false(relief_source_open(&source, in_folder("bad.json"), 0, NULL));
     }
 }
 
@@ -275,7 +350,7 @@ static int pack_in_child(const char *name, const struct relief_pack_options *opt
     if (child == 0) {
         struct relief_source source;
         struct relief_header header;
-        bool good = relief_source_open(&source, in_folder("world.json"), 0) &&
+        bool good = relief_source_open(&source, in_folder("world.json"), 0, NULL) &&
                     relief_pack_source(&source, options, in_folder(name), &header);
         _exit(good ? 0 : 1);
     }
@@ -350,7 +425,7 @@ static void test_interrupted_restarted_and_begun_otherwise(void **state)
     struct counting c = {.left = 0};
     struct relief_header header;
     write_text("world.json", WORLD);
-    assert_true(relief_source_open(&c.source, in_folder("world.json"), 0));
+    assert_true(relief_source_open(&c.source, in_folder("world.json"), 0, NULL));
     struct relief_source source = c.source;
     source.window = counted_window;
     source.data = &c;
@@ -384,6 +459,37 @@ static void test_interrupted_restarted_and_begun_otherwise(void **state)
     relief_source_finish(&c.source);
 }
 
+// The samples of a PNG are written out anew for each run, and a run with more memory may take over.
+static void test_an_interrupted_png_goes_on(void **state)
+{
+    (void)state;
+    static const size_t MEMORY[3] = {LITTLE_MEMORY, LITTLE_MEMORY, ROOMY_MEMORY};
+    static uint8_t rows[MAP_SIDE * MAP_SIDE * 2];
+    uint64_t seed = 6;
+    for (int i = 0; i < MAP_SIDE * MAP_SIDE; i++) rows[2 * i + 1] = (uint8_t)(test_random(&seed) % 50);
+    write_png("again.png", rows, MAP_SIDE, PNG_INTERLACE_NONE);
+    struct relief_pack_options options = BOUNDED;
+    options.threads = 1;
+    options.region = 256;
+    int windows = 0;
+    for (int run = -1; run < 3; run++) { // the first in one go, the last goes on to the end
+        struct counting c = {.left = run < 0 || run == 2 ? 0 : windows / 3};
+        struct relief_header header;
+        assert_true(relief_source_open(&c.source, in_folder("again.png"), MEMORY[run < 0 ? 0 : run], NULL));
+        struct relief_source source = c.source;
+        source.window = counted_window;
+        source.data = &c;
+        options.interrupted = &c.raised;
+        bool good = relief_pack_source(&source, &options, in_folder(run < 0 ? "onego.relief" : "bits.relief"),
+                                       &header);
+        assert_true(good == (run < 0 || run == 2));
+        if (run < 0) windows = -c.left;
+        if (run == 2) assert_true(-c.left < windows);
+        relief_source_finish(&c.source);
+    }
+    assert_same_files("onego.relief", "bits.relief");
+}
+
 // What is told of progress grows to 100 % and no further, also when a pack is taken up again.
 static void test_progress_ends_at_100(void **state)
 {
@@ -391,7 +497,7 @@ static void test_progress_ends_at_100(void **state)
     struct counting c = {.left = 60};
     struct relief_header header;
     write_text("world.json", WORLD);
-    assert_true(relief_source_open(&c.source, in_folder("world.json"), 0));
+    assert_true(relief_source_open(&c.source, in_folder("world.json"), 0, NULL));
     struct relief_source source = c.source;
     source.window = counted_window;
     source.data = &c;
@@ -438,7 +544,7 @@ static void test_a_full_disk_is_one_line_and_loses_nothing(void **state)
     struct relief_header header;
     struct rlimit before, little;
     write_text("world.json", WORLD);
-    assert_true(relief_source_open(&source, in_folder("world.json"), 0));
+    assert_true(relief_source_open(&source, in_folder("world.json"), 0, NULL));
     assert_true(relief_pack_source(&source, &BOUNDED, in_folder("plain.relief"), &header));
     signal(SIGXFSZ, SIG_IGN); // a write beyond the limit fails instead
     getrlimit(RLIMIT_FSIZE, &before);
@@ -486,10 +592,12 @@ int main(void)
         cmocka_unit_test(test_wavelet_by_regions_decodes_to_what_was_measured),
         cmocka_unit_test(test_threads_and_regions_do_not_show),
         cmocka_unit_test(test_a_raw_file_is_read_by_windows),
+        cmocka_unit_test(test_large_files_are_not_held),
         cmocka_unit_test(test_a_made_world_is_the_same_from_any_window),
         cmocka_unit_test(test_specs_that_do_not_serve_are_one_line),
         cmocka_unit_test(test_killed_at_any_moment_it_goes_on),
         cmocka_unit_test(test_interrupted_restarted_and_begun_otherwise),
+        cmocka_unit_test(test_an_interrupted_png_goes_on),
         cmocka_unit_test(test_progress_ends_at_100),
         cmocka_unit_test(test_a_full_disk_is_one_line_and_loses_nothing),
         cmocka_unit_test(test_harmed_journals_are_not_believed),

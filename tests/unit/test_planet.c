@@ -329,7 +329,7 @@ static void test_a_made_planet_has_no_seam(void **state)
              path, COLUMNS, ROWS);
     write_text("earth.json", text);
     struct relief_source source;
-    assert_true(relief_source_open(&source, in_folder("earth.json"), 0));
+    assert_true(relief_source_open(&source, in_folder("earth.json"), 0, NULL));
     assert_true(fabs(source.radius_m - 6371007) < 1);
     struct patch whole = {{0, 0, COLUMNS, ROWS}, malloc(COLUMNS * ROWS * sizeof(int32_t))};
     assert_true(source.window(&source, &whole));
@@ -362,7 +362,7 @@ static void test_a_made_planet_has_no_seam(void **state)
         "{\"generate\": \"amplify\", \"source\": \"%s\", \"levels\": 4, \"width\": 2888, \"height\": 1441}",
         path);
     write_text("earth.json", text); // one line: no planet of 4 levels
-    assert_false(relief_source_open(&source, in_folder("earth.json"), 0));
+    assert_false(relief_source_open(&source, in_folder("earth.json"), 0, NULL));
 }
 
 // ---- what is refused -------------------------------------------------------

@@ -122,7 +122,7 @@ static int run_pack(const char *from, const char *to, struct relief_pack_options
     signal(SIGINT, on_interrupt);
     signal(SIGTERM, on_interrupt);
     pack->interrupted = &interrupted;
-    if (!relief_source_open(&source, from, pack->memory_bytes)) return EXIT_WORLD;
+    if (!relief_source_open(&source, from, pack->memory_bytes, to)) return EXIT_WORLD;
     bool good = relief_pack_source(&source, pack, to, &header);
     if (good) print_packed(to, &header, wall_seconds() - start);
     relief_source_finish(&source);
