@@ -167,6 +167,111 @@ static void a_turn_more_is_the_same_picture(void **state)
     terrain_destroy(terrain);
 }
 
+// A drawn point from the planet's centre, in the world, and its height over the eye's radius.
+static double place_in_world(const struct view *view, const float drawn[4], double world[3])
+{
+    double up = view->radius_m, rise = (double)drawn[2];
+    memset(world, 0, 3 * sizeof *world);
+    for (int axis = 0; axis < 3; axis++)
+        for (int k = 0; k < 3; k++)
+            world[axis] += view->axes[k][axis] * ((double)drawn[k] + (k == 2 ? up : 0));
+    double across = (double)drawn[0] * (double)drawn[0] + (double)drawn[1] * (double)drawn[1];
+    return rise + across / (up + rise + sqrt((up + rise) * (up + rise) + across));
+}
+
+struct steepness {
+    double across,
+        elsewhere; // steepest way from a pixel to the next over the seam or a pole; steepest facet beside
+    int crossings, sky;
+};
+
+// The way from a pixel to the next one of its row or column: along the chord, and upwards.
+struct way {
+    double along[3], up;
+    bool drawn, crosses;
+};
+
+static double dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+// Near a pole the opposite meridian counts as well as the 180th: what leads over the pole crosses either.
+static struct way way_between(const struct fixture *f, const struct view *view, bool polar, int from, int to)
+{
+    double a[3], b[3], rise = place_in_world(view, f->pixels[from], a);
+    struct way way = {.up = place_in_world(view, f->pixels[to], b) - rise,
+                      .drawn = f->pixels[from][3] != 0 && f->pixels[to][3] != 0,
+                      .crosses = (a[1] < 0) != (b[1] < 0) && (polar || a[0] < 0)};
+    for (int k = 0; k < 3; k++) way.along[k] = b[k] - a[k];
+    return way;
+}
+
+// A way over an edge is at most as steep as the steeper of the facets beside it; of those, three neighbouring
+// pixels give the gradient.
+static void add_steepness(const struct fixture *f, const struct view *view, bool polar,
+                          struct steepness *steepness)
+{
+    for (int p = 0; p < PIXELS - WIDTH; p++) {
+        if (p % WIDTH == WIDTH - 1) continue;
+        struct way ways[2];
+        for (int k = 0; k < 2; k++) {
+            struct way *way = &ways[k];
+            *way = way_between(f, view, polar, p, k ? p + WIDTH : p + 1);
+            if (!way->drawn || !way->crosses) continue;
+            steepness->across = fmax(steepness->across, fabs(way->up) / sqrt(dot(way->along, way->along)));
+            steepness->crossings++;
+        }
+        if (!ways[0].drawn || !ways[1].drawn || ways[0].crosses || ways[1].crosses) continue;
+        double uu = dot(ways[0].along, ways[0].along), vv = dot(ways[1].along, ways[1].along),
+               uv = dot(ways[0].along, ways[1].along), u = ways[0].up, v = ways[1].up;
+        steepness->elsewhere = fmax(steepness->elsewhere,
+                                    sqrt((u * u * vv - 2 * u * v * uv + v * v * uu) / (uu * vv - uv * uv)));
+    }
+}
+
+// D4: over the 180th meridian and over the poles heights rise and fall as they do beside them.  Seen straight
+// from above, so that each pixel's ground is next to its neighbours'.
+static struct steepness look_down(const struct fixture *f, const struct terrain *terrain,
+                                  const char *settings, const double place[2], double height_m)
+{
+    struct steepness steepness = {0};
+    struct renderer *renderer = create(f, terrain, settings);
+    struct camera camera = test_camera(terrain, place[0], place[1], height_m, 0.4, -1.5);
+    struct view view;
+    view_init(&view, terrain, &camera, WIDTH, HEIGHT, 0);
+    draw(f, renderer, terrain, &view, 0, f->pixels);
+    for (int p = 0; p < PIXELS; p++) steepness.sky += f->pixels[p][3] == 0;
+    add_steepness(f, &view, fabs(place[1]) > 80, &steepness);
+    clipmap_renderer.destroy(renderer);
+    return steepness;
+}
+
+static void heights_do_not_jump_at_seam_and_poles(void **state)
+{
+    struct fixture *f = *state;
+    static const double PLACES[][2] = {{180, 20}, {-180, -40}, {180, 75}, {30, 90}, {-100, -90}};
+    struct terrain *terrain = test_planet(COLUMNS, 2500, 9, 6);
+    double worst = 0, published = 0;
+    int sky = 0, published_sky = 0;
+    for (int k = 0; k < 5; k++)
+        for (double height_m = 500; height_m < 1e6; height_m *= test_size(20, 4)) {
+            struct steepness right = look_down(f, terrain, "n=127", PLACES[k], height_m);
+            struct steepness wrong =
+                look_down(f, terrain, "n=127 trigonometry=published", PLACES[k], height_m);
+            sky += right.sky, published_sky += wrong.sky;
+            assert_true(right.crossings > 10);
+            worst = fmax(worst, right.across / right.elsewhere);
+            published = fmax(published, wrong.across / right.elsewhere);
+        }
+    FIGURE("D4: over the seam and the poles heights change by at most %.3f of the steepest beside them, %d "
+           "pixels of sky (as published: %.1f, %d)",
+           worst, sky, published, published_sky);
+    assert_int_equal(sky, 0);
+    assert_true(worst <= 1 && published > 1 && published_sky > 0);
+    terrain_destroy(terrain);
+}
+
 // Culling leaves the picture as it is, and at 90 degrees at most 0.3 of the vertices.
 static void culling_is_right_and_pays(void **state)
 {
@@ -427,6 +532,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_turn_more_is_the_same_picture),
+        cmocka_unit_test(heights_do_not_jump_at_seam_and_poles),
         cmocka_unit_test(culling_is_right_and_pays),
         cmocka_unit_test(kept_vertices_draw_the_same),
         cmocka_unit_test(colours_by_level_are_those_of_the_place),

@@ -338,6 +338,8 @@ static void horizons_are_exact(void **state)
     FIGURE("D7: horizon off by at most %.1e (acos in float: %.2f)", worst, worst_acos);
     assert_true(worst < 3e-7 && worst_acos > 0.02);
     assert_true(sphere_horizon(0, RADIUS) == 0 && sphere_horizon(-430, RADIUS) == 0);
+    float r = (float)RADIUS; // acos in float sees nothing from 0.2 m, and is no number below the datum
+    assert_true(acosf(r / (r + 0.2f)) == 0 && isnan(acosf(r / (r - 430))));
     // SC11: a peak is seen beyond the horizon of its foot.
     double two = RADIUS * sphere_horizon(2, RADIUS),
            peak = RADIUS * (sphere_horizon(2, RADIUS) + sphere_horizon(4000, RADIUS));
