@@ -98,8 +98,8 @@ struct terrain_options {
 
 // Reads any elevation file: 16-bit PNG with a JSON sidecar, SRTM .hgt, raw 16-bit or float with a sidecar,
 // and what GDAL reads when built with it (heightfield.h says how).  Voids are filled, with a note.  NULL
-// after one line on stderr.  A .relief file stays on disk and is read on demand, whatever its size (paged.h);
-// that of a planet is loaded.
+// after one line on stderr.  A .relief file stays on disk and is read on demand, whatever its size (paged.h),
+// that of a planet, too.
 struct terrain *terrain_load(const char *path, const struct terrain_options *options);
 
 // The grid that the program carries: Jacksboro fault, 403 x 344 samples, U.S. Geological Survey, public
