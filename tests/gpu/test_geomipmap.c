@@ -193,7 +193,10 @@ static size_t open_edges(const struct terrain *terrain, const struct view *view,
         bool border = false;
         for (int axis = 0; axis < 2; axis++) {
             double a = (double)forth[i].from[axis] + view->eye_m[axis];
-            double b = (double)forth[i].to[axis] + view->eye_m[axis], slack = 1e-3;
+            double b = (double)forth[i].to[axis] + view->eye_m[axis];
+            // A vertex is a float relative to the eye: two roundings, far off more than a millimetre.
+            double slack =
+                1e-3 + ldexp(fmax(fabs((double)forth[i].from[axis]), fabs((double)forth[i].to[axis])), -23);
             border = border || (a <= outline[axis] + slack && b <= outline[axis] + slack) ||
                      (a >= outline[axis + 2] - slack && b >= outline[axis + 2] - slack);
         }
