@@ -55,3 +55,9 @@ void flat_feed(double radius_m, const float *triangles, size_t count, struct pla
         places_feed(chunk, size, places);
     }
 }
+
+void flat_receive(const float *triangles, size_t count, void *user)
+{
+    const struct flat_feeding *feeding = user;
+    flat_feed(feeding->radius_m, triangles, count, feeding->places);
+}

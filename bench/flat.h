@@ -20,5 +20,11 @@ void flat_point(double radius_m, const double place[2], double rise_m, double re
 
 // places_feed for triangles relative to the eye.
 void flat_feed(double radius_m, const float *triangles, size_t count, struct places *places);
+// The same as gpu_capture_begin calls it; user: a struct flat_feeding.
+struct flat_feeding {
+    double radius_m;
+    struct places *places;
+};
+void flat_receive(const float *triangles, size_t count, void *user);
 
 #endif

@@ -83,6 +83,9 @@ bool papers_fly(const struct papers *papers, const struct scene *scene, int fram
                 struct papers_flight *flights,
                 int count); // false after one line on stderr
 
+// A counter by its name; NAN: there is none.
+double papers_counter(const struct renderer_counter *counters, const char *name);
+
 // |PL(T_level) - PL(T_finest)| in quanta at every finest sample, as Losasso & Hoppe 2004 define e_l in
 // section 9. errors has room for terrain_info()->samples.
 void papers_level_errors(const struct terrain *terrain, int level, double *errors_q);

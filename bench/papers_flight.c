@@ -7,6 +7,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 enum { MOST_FLIGHTS = 16, DETAIL_LEVELS = 4 };
 
@@ -158,4 +159,11 @@ bool papers_fly(const struct papers *papers, const struct scene *scene, int fram
     for (int f = 0; f < count && good; f++) good = summarise(papers, frames, &flights[f], &flying[f]);
     for (int f = 0; f < count && f < MOST_FLIGHTS; f++) land(&flights[f], &flying[f]);
     return good;
+}
+
+double papers_counter(const struct renderer_counter *counters, const char *name)
+{
+    for (int c = 0; c < RENDERER_MAX_COUNTERS && counters[c].name; c++)
+        if (strcmp(counters[c].name, name) == 0) return counters[c].value;
+    return NAN;
 }

@@ -66,18 +66,6 @@ bool papers_geomipmap_sets(struct papers *papers, struct papers_table *table)
 
 // ---- flights -----------------------------------------------------------------------------------
 
-static double counter_of(const struct renderer_counter *counters, const char *name)
-{
-    for (int c = 0; c < RENDERER_MAX_COUNTERS && counters[c].name; c++)
-        if (strcmp(counters[c].name, name) == 0) return counters[c].value;
-    return NAN;
-}
-
-static double counter(const struct renderer_stats *stats, const char *name)
-{
-    return counter_of(stats->counters, name);
-}
-
 bool papers_geomipmap_rate(struct papers *papers, struct papers_table *table)
 {
     static const struct {
@@ -116,7 +104,7 @@ bool papers_geomipmap_rate(struct papers *papers, struct papers_table *table)
         values[4] = rows[f].cost;
         values[5] = flights[f].frame_ms / flights[0].frame_ms;
         values[6] = flights[f].triangles * 1e-3;
-        values[7] = counter(&flights[f].stats, "tile_bytes_a_sample");
+        values[7] = papers_counter(flights[f].stats.counters, "tile_bytes_a_sample");
     }
     papers_note(table,
                 "Cost: ms a frame over those of the first row. Printed: 8193 x 8193 samples with an image of "
@@ -127,8 +115,8 @@ bool papers_geomipmap_rate(struct papers *papers, struct papers_table *table)
                 "Bytes a sample: all tile memory, the heights of the tiles in use included; the paper prints "
                 "less than 2.5 with all heights. The terrain that heights are read from is in memory "
                 "here and takes %.1f more.",
-                counter(&flights[0].stats, "bytes_a_sample") -
-                    counter(&flights[0].stats, "tile_bytes_a_sample"));
+                papers_counter(flights[0].stats.counters, "bytes_a_sample") -
+                    papers_counter(flights[0].stats.counters, "tile_bytes_a_sample"));
     papers_note(
         table,
         "Most tiles draw their 8 coarsest triangles here, so that tau saves few: tiles that merge do.");
@@ -158,7 +146,7 @@ bool papers_geomipmap_work(struct papers *papers, struct papers_table *table)
         values[1] = flights[f].update_ms;
         values[2] = flights[f].select_ms;
         values[3] = 100 * values[2] / values[0];
-        values[4] = counter_of(flights[f].counters, "tiles");
+        values[4] = papers_counter(flights[f].counters, "tiles");
         values[5] = 1000 * values[2] / values[4];
     }
     papers_note(
@@ -300,9 +288,9 @@ static bool fly_large(struct large *large, const struct papers *papers)
         gpu_set_view(papers->gpu, large->scene->terrain, &view);
         look(large, papers);
         geomipmap_renderer.stats(large->renderer, &stats);
-        large->bytes = fmax(large->bytes, counter(&stats, "bytes_a_sample"));
-        large->tile_bytes = fmax(large->tile_bytes, counter(&stats, "tile_bytes_a_sample"));
-        large->textures = fmax(large->textures, counter(&stats, "texture_bytes"));
+        large->bytes = fmax(large->bytes, papers_counter(stats.counters, "bytes_a_sample"));
+        large->tile_bytes = fmax(large->tile_bytes, papers_counter(stats.counters, "tile_bytes_a_sample"));
+        large->textures = fmax(large->textures, papers_counter(stats.counters, "texture_bytes"));
     }
     return true;
 }

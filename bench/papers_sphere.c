@@ -7,7 +7,6 @@
 
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 static const char EARTH[] = "earth_etopo5_4320x2161.png";
 static const double DEGREE = M_PI / 180;
@@ -52,13 +51,6 @@ const char *papers_sphere_label(enum papers_sphere_view view)
     return views[view].label;
 }
 
-double papers_sphere_counter(const struct renderer_stats *stats, const char *name)
-{
-    for (int c = 0; c < RENDERER_MAX_COUNTERS && stats->counters[c].name; c++)
-        if (strcmp(stats->counters[c].name, name) == 0) return stats->counters[c].value;
-    return NAN;
-}
-
 bool papers_sphere_earth(struct papers_table *table, struct terrain **earth)
 {
     char path[1024];
@@ -86,7 +78,7 @@ static bool view_rows(struct papers *papers, struct terrain *earth, enum papers_
         values[1] = 1000 / flights[f].frame_ms;
         values[3] = flights[f].triangles * 1e-6;
         values[4] = view->levels;
-        values[5] = papers_sphere_counter(&flights[f].stats, "levels drawn");
+        values[5] = papers_counter(flights[f].stats.counters, "levels drawn");
         values[6] = flights[f].triangles / flights[1].triangles;
         values[7] = flights[1].frame_ms / flights[f].frame_ms;
     }

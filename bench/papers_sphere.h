@@ -21,7 +21,5 @@ bool papers_sphere_earth(struct papers_table *table, struct terrain **earth);
 bool papers_sphere_scene(const struct papers *papers, struct terrain *earth, enum papers_sphere_view view,
                          bool still, int frames, struct scene *scene);
 const char *papers_sphere_label(enum papers_sphere_view view);
-// A counter of a renderer's own; NAN where it has none of that name.
-double papers_sphere_counter(const struct renderer_stats *stats, const char *name);
 
 #endif

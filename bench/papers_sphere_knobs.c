@@ -11,7 +11,6 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 // ---- kept vertices -----------------------------------------------------------
 
@@ -97,29 +96,18 @@ static void meter_finish(struct meter *meter)
     free(meter->positions);
 }
 
-struct feeding {
-    double radius_m;
-    struct places *places;
-};
-
-static void feed(const float *triangles, size_t count, void *user)
-{
-    const struct feeding *feeding = user;
-    flat_feed(feeding->radius_m, triangles, count, feeding->places);
-}
-
 // Draws a view and hands what was drawn to places.
 static bool draw_into(struct meter *meter, struct renderer *renderer, const struct view *view,
                       struct places *places)
 {
     struct gpu *gpu = meter->papers->gpu;
-    struct feeding feeding = {view->radius_m, places};
+    struct flat_feeding feeding = {view->radius_m, places};
     if (!renderer->type->update(renderer, view, 1)) return false;
     gpu_set_view(gpu, meter->scene->terrain, view);
     gpu_target_begin(gpu, &meter->target);
     renderer->type->draw(renderer, 0, PASS_POSITION);
     gpu_target_read(gpu, &meter->target, meter->positions);
-    if (!gpu_capture_begin(gpu, feed, &feeding)) return false;
+    if (!gpu_capture_begin(gpu, flat_receive, &feeding)) return false;
     renderer->type->draw(renderer, 0, PASS_DEPTH);
     gpu_capture_end(gpu);
     return true;
@@ -263,7 +251,7 @@ bool papers_sphere_sampling(struct papers *papers, struct papers_table *table)
     for (int k = 0; k < SETTINGS && good; k++) {
         double *values = papers_row(table, "%s", settings[k].label);
         values[0] = flights[k].frame_ms, values[1] = flights[k].update_ms, values[2] = flights[k].draw_ms;
-        values[7] = papers_sphere_counter(&flights[k].stats, "samples updated");
+        values[7] = papers_counter(flights[k].stats.counters, "samples updated");
         good = measure_setting(papers, &scene, &flights[k], values);
     }
     path_destroy(scene.path);

@@ -41,17 +41,6 @@ static void picture_finish(struct picture *p)
     gpu_destroy(p->gpu);
 }
 
-struct feeding {
-    double radius_m;
-    struct places *places;
-};
-
-static void feed(const float *triangles, size_t count, void *user)
-{
-    const struct feeding *feeding = user;
-    flat_feed(feeding->radius_m, triangles, count, feeding->places);
-}
-
 static void measure(struct picture *p, struct renderer *renderer, const struct terrain *terrain,
                     const struct truth_surface *surface, const struct view *view)
 {
@@ -63,8 +52,8 @@ static void measure(struct picture *p, struct renderer *renderer, const struct t
     type->draw(renderer, 0, PASS_POSITION);
     gpu_target_read(p->gpu, &p->target, p->positions);
     truth_cast(&p->truth, surface, view, 0);
-    struct feeding feeding = {view->radius_m, truth_places(&p->truth, 0)};
-    assert_true(gpu_capture_begin(p->gpu, feed, &feeding));
+    struct flat_feeding feeding = {view->radius_m, truth_places(&p->truth, 0)};
+    assert_true(gpu_capture_begin(p->gpu, flat_receive, &feeding));
     type->draw(renderer, 0, PASS_POSITION);
     gpu_capture_end(p->gpu);
     frame_error_measure(&p->error, terrain, view, &p->truth, p->positions, feeding.places, 0);

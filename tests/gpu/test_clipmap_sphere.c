@@ -62,17 +62,6 @@ static void draw(const struct fixture *f, struct renderer *renderer, const struc
     gpu_target_read(f->gpu, &f->target, pixels);
 }
 
-struct feeding {
-    double radius_m;
-    struct places *places;
-};
-
-static void feed(const float *triangles, size_t count, void *user)
-{
-    const struct feeding *feeding = user;
-    flat_feed(feeding->radius_m, triangles, count, feeding->places);
-}
-
 // From a man's height to three radii and back, over both poles and the 180th meridian, against the caster.
 static void a_flight_has_no_holes(void **state)
 {
@@ -94,8 +83,8 @@ static void a_flight_has_no_holes(void **state)
         view_init(&view, terrain, &camera, WIDTH, HEIGHT, 0);
         draw(f, renderer, terrain, &view, frame, f->pixels);
         truth_cast(&truth, surface, &view, 0);
-        struct feeding feeding = {view.radius_m, truth_places(&truth, 0)};
-        assert_true(gpu_capture_begin(f->gpu, feed, &feeding));
+        struct flat_feeding feeding = {view.radius_m, truth_places(&truth, 0)};
+        assert_true(gpu_capture_begin(f->gpu, flat_receive, &feeding));
         clipmap_renderer.draw(renderer, 0, PASS_POSITION);
         gpu_capture_end(f->gpu);
         frame_error_measure(&error, terrain, &view, &truth, &f->pixels[0][0], feeding.places, 0);
