@@ -42,11 +42,11 @@ sources    = $(filter-out $(MAINS),$(wildcard $(1)))
 objects    = $(patsubst %.c,$(OBJ)/%.o,$(1))
 COMMON    := $(call objects,$(call sources,common/*.c common/*/*.c common/*/*/*.c)) $(OBJ)/embedded.o $(OBJ)/epoxy_table.o
 METHODS   := $(call objects,$(call sources,$(RENDERERS:%=%/*.c)))
-BENCH     := $(call objects,$(call sources,bench/*.c))
+BENCH     := $(call objects,$(call sources,bench/*.c bench/*/*.c))
 PROGRAMS  := $(patsubst %/main.c,%,$(MAINS:common/%=%))
 TESTS     := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/hard/test_*.c tests/gpu/test_*.c tests/unit/test_*.c)) # long ones first
-HEADERS   := $(wildcard common/*.h common/*/*.h common/*/*/*.h $(RENDERERS:%=%/*.h) bench/*.h tests/*.h tests/*/*.h)
-ALL_C     := $(wildcard common/*.c common/*/*.c common/*/*/*.c $(RENDERERS:%=%/*.c) bench/*.c tests/*/*.c) $(HEADERS)
+HEADERS   := $(wildcard common/*.h common/*/*.h common/*/*/*.h $(RENDERERS:%=%/*.h) bench/*.h bench/*/*.h tests/*.h tests/*/*.h)
+ALL_C     := $(wildcard common/*.c common/*/*.c common/*/*/*.c $(RENDERERS:%=%/*.c) bench/*.c bench/*/*.c tests/*/*.c) $(HEADERS)
 
 all: $(PROGRAMS:%=$(BUILD)/%) ## the programs: bench, clipmap, geomipmap, pgm, terrain
 
@@ -161,7 +161,7 @@ lint: ## cppcheck over the sources
 layers: ## common/ knows no renderer; renderers know neither each other nor bench/
 	@! grep -nE '#include "(clipmap|geomipmap|pgm|bench|tests)/' common/*.[ch] common/*/*.[ch] common/*/*/*.[ch]
 	@for d in $(RENDERERS); do ! grep -nE '#include "' $$d/*.[ch] | grep -vE '"(common|'$$d')/' || exit 1; done
-	@! grep -nE '#include "tests/' bench/*.[ch]
+	@! grep -nE '#include "tests/' bench/*.[ch] bench/*/*.[ch]
 	@! grep -nE '^#include .*(epoxy|GL/)' common/terrain/*.[ch] common/terrain/*/*.[ch] common/view/*.[ch] common/scene/*.[ch]
 	@! grep -rnE -e '-f''fast-math' --include='*.mk' --include=Makefile . | grep -v 'never\|fno-fast-math\|grep'
 	@echo "layers: good"

@@ -4,9 +4,9 @@
 // SPDX-License-Identifier: MIT
 #include "bench/fly.h"
 
-#include "bench/flat.h"
+#include "bench/error/flat.h"
+#include "bench/error/ridges.h"
 #include "bench/machine.h"
-#include "bench/ridges.h"
 #include "bench/run.h"
 #include "common/cli.h"
 #include "common/report.h"

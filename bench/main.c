@@ -1,8 +1,8 @@
 // The bench program: measures, and rebuilds reports.
 // SPDX-License-Identifier: MIT
 #include "bench/fly.h"
-#include "bench/papers.h"
-#include "bench/report.h"
+#include "bench/papers/papers.h"
+#include "bench/report/report.h"
 #include "bench/run.h"
 #include "common/cli.h"
 #include "common/report.h"

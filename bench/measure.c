@@ -1,9 +1,9 @@
 // The error passes: truth is cast once a frame and shared by all settings; then each setting's position pass
 // and captured triangles are held against it.  No clock runs here but that of roofline_ms.
 // SPDX-License-Identifier: MIT
-#include "bench/flat.h"
+#include "bench/error/flat.h"
+#include "bench/error/ridges.h"
 #include "bench/machine.h"
-#include "bench/ridges.h"
 #include "bench/run.h"
 #include "common/report.h"
 

@@ -1,7 +1,7 @@
 // The subcommand `run`: options, then plan, time, measure, write.
 // SPDX-License-Identifier: MIT
 #include "bench/run.h"
-#include "bench/report.h"
+#include "bench/report/report.h"
 #include "bench/result_files.h"
 #include "common/cli.h"
 #include "common/report.h"

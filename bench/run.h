@@ -9,11 +9,11 @@
 #ifndef BENCH_RUN_H
 #define BENCH_RUN_H
 
-#include "bench/error.h"
+#include "bench/error/error.h"
+#include "bench/error/samples.h"
 #include "bench/progress.h"
 #include "bench/registry.h"
 #include "bench/roofline.h"
-#include "bench/samples.h"
 #include "bench/statistics.h"
 #include "common/scene/scene.h"
 

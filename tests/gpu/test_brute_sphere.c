@@ -1,9 +1,9 @@
 // brute over a planet against the ray caster: the agreement that design.md asks for on planes holds here.
 // SPDX-License-Identifier: MIT
-#include "bench/error.h"
-#include "bench/flat.h"
+#include "bench/error/error.h"
+#include "bench/error/flat.h"
+#include "bench/error/samples.h"
 #include "bench/registry.h"
-#include "bench/samples.h"
 #include "tests/gpu/settings.h"
 #include "tests/planet.h"
 

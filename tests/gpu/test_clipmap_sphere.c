@@ -1,7 +1,7 @@
 // The clipmap over a planet, drawn off screen and held against the ray caster.
 // SPDX-License-Identifier: MIT
-#include "bench/error.h"
-#include "bench/flat.h"
+#include "bench/error/error.h"
+#include "bench/error/flat.h"
 #include "clipmap/clipmap.h"
 #include "common/terrain/sphere.h"
 #include "common/view/path.h"

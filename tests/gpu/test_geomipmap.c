@@ -2,7 +2,7 @@
 // picture does not depend on culling or on how large the cache may be, and the claim holds.
 // SPDX-License-Identifier: MIT
 #include "tests/unit/test_geomipmap.h"
-#include "bench/error.h"
+#include "bench/error/error.h"
 #include "common/terrain/relief/relief_pack.h"
 #include "geomipmap/geomipmap.h"
 #include "tests/folder.h"

@@ -1,8 +1,8 @@
 // The claim of `safe` over the paths of the scenes: at every tau nothing drawn is farther from the truth than
 // claimed, and there are no holes.
 // SPDX-License-Identifier: MIT
-#include "bench/error.h"
-#include "bench/ridges.h"
+#include "bench/error/error.h"
+#include "bench/error/ridges.h"
 #include "common/scene/scene.h"
 #include "geomipmap/geomipmap.h"
 #include "tests/gpu/settings.h"

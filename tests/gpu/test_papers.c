@@ -1,6 +1,6 @@
 // What the tables of the papers time is what the tests verify: the same ground as brute, the same picture
 // whether levels are refilled in part or whole, the samples of a pixel averaged. SPDX-License-Identifier: MIT
-#include "bench/papers.h"
+#include "bench/papers/papers.h"
 #include "bench/registry.h"
 #include "clipmap/clipmap.h"
 #include "tests/test.h"

@@ -5,8 +5,8 @@
 
 #include "tests/test.h"
 
-#include "bench/error.h"
-#include "bench/ridges.h"
+#include "bench/error/error.h"
+#include "bench/error/ridges.h"
 #include "pgm/pgm.h"
 #include "tests/gpu/settings.h"
 

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "tests/gpu/test_pgm.h"
 
-#include "bench/samples.h"
+#include "bench/error/samples.h"
 #include "common/scene/scene.h"
 
 // ---- A5: a low camera and a far ridge --------------------------------------

@@ -3,8 +3,8 @@
 // SPDX-License-Identifier: MIT
 #include "tests/test.h"
 
-#include "bench/error.h"
-#include "bench/samples.h"
+#include "bench/error/error.h"
+#include "bench/error/samples.h"
 
 #include <string.h>
 #include <time.h>

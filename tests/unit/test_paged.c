@@ -3,7 +3,7 @@
 #include "tests/field.h"
 #include "tests/folder.h"
 
-#include "bench/truth.h"
+#include "bench/error/truth.h"
 #include "common/parallel.h"
 #include "common/terrain/paged.h"
 #include "common/terrain/reader.h"

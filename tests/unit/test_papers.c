@@ -1,6 +1,6 @@
 // Tables of the papers: their text is aligned, their JSON is whole, and the errors of levels are those of the
 // terrain. SPDX-License-Identifier: MIT
-#include "bench/papers.h"
+#include "bench/papers/papers.h"
 #include "common/terrain/generate.h"
 #include "tests/test.h"
 

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "tests/test.h"
 
-#include "bench/papers.h"
+#include "bench/papers/papers.h"
 
 #include <string.h>
 

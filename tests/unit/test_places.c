@@ -2,7 +2,7 @@
 // out. SPDX-License-Identifier: MIT
 #include "tests/test.h"
 
-#include "bench/places.h"
+#include "bench/error/places.h"
 #include "common/parallel.h"
 
 #include <string.h>

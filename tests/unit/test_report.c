@@ -1,8 +1,8 @@
 // The report: what it says about numbers that are known, and what it makes of results that are incomplete,
 // hostile or broken. The results are made here: three methods at four settings, decimated at four, brute and
 // null, on curves with known answers. SPDX-License-Identifier: MIT
-#include "bench/error.h"
-#include "bench/report.h"
+#include "bench/error/error.h"
+#include "bench/report/report.h"
 #include "bench/statistics.h"
 #include "common/image.h"
 #include "tests/folder.h"

@@ -1,7 +1,7 @@
 // Ridge lines that the sub-pixel grid broke open are drawn ground; cracks are not. SPDX-License-Identifier:
 // MIT
-#include "bench/ridges.h"
-#include "bench/truth.h"
+#include "bench/error/ridges.h"
+#include "bench/error/truth.h"
 #include "tests/test.h"
 
 #include <string.h>

@@ -1,5 +1,5 @@
 // Percentiles of error samples: exact ranks, bounded memory. SPDX-License-Identifier: MIT
-#include "bench/samples.h"
+#include "bench/error/samples.h"
 #include "tests/test.h"
 
 #include <string.h>

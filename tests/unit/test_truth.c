@@ -2,7 +2,7 @@
 // places. SPDX-License-Identifier: MIT
 #include "tests/test.h"
 
-#include "bench/truth.h"
+#include "bench/error/truth.h"
 
 #include <string.h>
 #include <time.h>

@@ -1,7 +1,7 @@
 // The ray caster on a sphere, against a march along the ray and against the sphere itself.
 // SPDX-License-Identifier: MIT
-#include "bench/truth.h"
-#include "bench/truth_sphere.h"
+#include "bench/error/truth.h"
+#include "bench/error/truth_sphere.h"
 #include "common/scene/scene.h"
 #include "common/terrain/detail.h"
 #include "common/terrain/relief/relief_pack.h"

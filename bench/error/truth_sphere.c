@@ -1,0 +1,649 @@
+// SPDX-License-Identifier: MIT
+#include "bench/error/truth_sphere.h"
+
+#include "common/report.h"
+#include "common/terrain/detail.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+// A tile holds the cells 0..TILE-1 of one level and the samples about them that they, and the finer tiles
+// under them, are made of.
+enum { TILE = 8, BEFORE = 3, SIDE = TILE + 7, TILES = 4096, HEIGHTS = 40, REACH = 2 };
+
+// Of a terrain that is read on demand: the cells of a node of height PAGE_HEIGHT, bounded as in memory. Nodes
+// from there up are bounded by what the file tells of its tiles.
+enum { PAGE_HEIGHT = 6, PAGE = 1 << PAGE_HEIGHT, PAGE_SIDE = PAGE + 1 + 2 * REACH, PAGES = 256 };
+enum { PAGE_NODES = (4 * PAGE * PAGE - 1) / 3 }; // of all heights
+
+struct truth_sphere {
+    const struct terrain *terrain;
+    const struct detail *detail;
+    const int32_t *samples; // of level 0; NULL: read in pages
+    double radius_m, quantum_m, offset_m;
+    double spacing_rad[2];  // of level 0
+    int64_t first, columns; // of level 0
+    int64_t pole;
+    int finest, heights;
+    // Highest height of the finest surface over 2^k x 2^k cells of level 0, quanta; NULL: in pages.
+    float *high[HEIGHTS];
+    int64_t width[HEIGHTS], height[HEIGHTS];
+    double low, highest;                  // of all, as the finest level tells
+    double noise_q[DETAIL_MAX_FINER + 1]; // [-level]: what finer levels may add to it
+};
+
+struct tile {
+    int64_t x, y;
+    int level; // 1: empty
+    int32_t samples[SIDE][SIDE];
+    float high[TILE][TILE]; // of the finest surface over a cell
+};
+
+struct page { // of level 0
+    int64_t x, y;
+    bool read;
+    int32_t samples[PAGE_SIDE][PAGE_SIDE]; // from REACH before its cells on
+    float high[PAGE_NODES];                // height after height
+};
+
+struct truth_tiles {
+    struct page *pages; // NULL: level 0 is in memory
+    struct tile all[TILES];
+};
+
+// ---- bounds ----------------------------------------------------------------
+
+// Noise tapers towards the poles (detail.c); of row j and its neighbours the one nearest to the equator
+// counts.
+static double taper_about(const struct truth_sphere *s, int level, int64_t j)
+{
+    double pole = (double)s->pole * ldexp(1, -level), t = fmax(fabs((double)j + 0.5) - REACH - 1, 0) / pole;
+    return fmax(1 - t * t, 0);
+}
+
+// Of the finest surface over a cell in row j of a level whose samples about it are low..high.
+static float bound_of(const struct truth_sphere *s, int level, int64_t j, double low, double high)
+{
+    if (s->finest == level) return (float)high;
+    double noise = s->noise_q[-level] * taper_about(s, level, j) + 2 * (level - s->finest); // and roundings
+    return nextafterf((float)(high + (high - low) * DETAIL_OVERSHOOT + noise), HUGE_VALF);
+}
+
+// Of level 0: samples to either side of a cell's own that the surface over it is made of.
+static int reach_of(const struct truth_sphere *s)
+{
+    return s->finest < 0 ? REACH : 0;
+}
+
+// Over a cell in row j of level 0; `around`: the first of the samples about it, rows of `stride`.
+static float bound_cell(const struct truth_sphere *s, int64_t j, const int32_t *around, int stride)
+{
+    int32_t low = INT32_MAX, high = INT32_MIN;
+    int rows = 2 * reach_of(s) + 2;
+    for (int y = 0; y < rows; y++)
+        for (int x = 0; x < rows; x++) {
+            int32_t q = around[y * stride + x];
+            low = q < low ? q : low;
+            high = q > high ? q : high;
+        }
+    return bound_of(s, 0, j, low, high);
+}
+
+// Over the cells of one row of level 0.
+static void bound_row(struct truth_sphere *s, int64_t j)
+{
+    struct sphere_grid grid = {s->first, s->columns, s->pole};
+    int reach = reach_of(s), rows = 2 * reach + 2;
+    for (int64_t i = 0; i < s->columns; i++) {
+        int32_t around[(2 * REACH + 2) * (2 * REACH + 2)];
+        sphere_window(&grid, s->samples, s->first + i - reach, j - s->pole - reach, rows, rows, around);
+        s->high[0][j * s->columns + i] = bound_cell(s, j - s->pole, around, rows);
+    }
+}
+
+// Over the nodes that are pages, unread.
+static void bound_pages(struct truth_sphere *s)
+{
+    int reach = reach_of(s);
+    for (int64_t y = 0; y < s->height[PAGE_HEIGHT]; y++)
+        for (int64_t x = 0; x < s->width[PAGE_HEIGHT]; x++) {
+            int64_t i = s->first + x * PAGE, j = y * PAGE - s->pole, last = j + PAGE - 1;
+            int32_t low, high;
+            terrain_bounds(s->terrain, 0, i - reach, j - reach, i + PAGE + reach, last + 1 + reach, &low,
+                           &high);
+            int64_t near_equator = j > 0 ? j : last < 0 ? last : 0; // where there is most noise
+            s->high[PAGE_HEIGHT][y * s->width[PAGE_HEIGHT] + x] = bound_of(s, 0, near_equator, low, high);
+        }
+}
+
+static void bound_parents(const struct truth_sphere *s, int k)
+{
+    for (int64_t j = 0; j < s->height[k]; j++)
+        for (int64_t i = 0; i < s->width[k]; i++) {
+            float high = -HUGE_VALF;
+            for (int64_t y = 2 * j; y < 2 * j + 2 && y < s->height[k - 1]; y++)
+                for (int64_t x = 2 * i; x < 2 * i + 2 && x < s->width[k - 1]; x++)
+                    high = fmaxf(high, s->high[k - 1][y * s->width[k - 1] + x]);
+            s->high[k][j * s->width[k] + i] = high;
+        }
+}
+
+static bool build_bounds(struct truth_sphere *s)
+{
+    int64_t size[2] = {s->columns, 2 * s->pole};
+    for (int k = 0; k < HEIGHTS; k++) {
+        s->width[k] = (size[0] + ((int64_t)1 << k) - 1) >> k;
+        s->height[k] = (size[1] + ((int64_t)1 << k) - 1) >> k;
+        s->heights = k + 1;
+        bool in_pages = !s->samples && k < PAGE_HEIGHT;
+        if (!in_pages) s->high[k] = malloc((size_t)(s->width[k] * s->height[k]) * sizeof *s->high[k]);
+        if (!in_pages && !s->high[k]) return false;
+        if (k > 0 && s->high[k - 1])
+            bound_parents(s, k);
+        else if (s->samples)
+            for (int64_t j = 0; j < size[1]; j++) bound_row(s, j);
+        else if (!in_pages)
+            bound_pages(s);
+        if (s->width[k] == 1 && s->height[k] == 1) break;
+    }
+    return true;
+}
+
+struct truth_sphere *truth_sphere_create(const struct terrain *terrain)
+{
+    const struct terrain_info *info = terrain_info(terrain);
+    struct truth_sphere *s = calloc(1, sizeof *s);
+    size_t stride;
+    if (s) {
+        s->terrain = terrain;
+        s->detail = terrain_detail(terrain);
+        s->samples = terrain_samples(terrain, 0, &stride);
+        s->radius_m = info->radius_m;
+        s->quantum_m = info->quantum_m;
+        s->offset_m = info->offset_m;
+        for (int axis = 0; axis < 2; axis++) s->spacing_rad[axis] = info->spacing_m[axis] / info->radius_m;
+        s->first = s->detail->grid.first;
+        s->columns = s->detail->grid.columns;
+        s->pole = s->detail->grid.pole;
+        s->finest = info->finest;
+        double all = detail_noise_limit(s->detail, -s->finest);
+        for (int k = 0; k <= -s->finest; k++) s->noise_q[k] = all - detail_noise_limit(s->detail, k);
+        struct terrain_level finest = terrain_level(terrain, s->finest);
+        s->low = finest.min_q;
+        s->highest = finest.max_q;
+    }
+    if (s && build_bounds(s)) return s;
+    fail("terrain %s: no memory for the ray caster", info->name);
+    truth_sphere_destroy(s);
+    return NULL;
+}
+
+void truth_sphere_destroy(struct truth_sphere *s)
+{
+    if (!s) return;
+    for (int k = 0; k < HEIGHTS; k++) free(s->high[k]);
+    free(s);
+}
+
+// ---- tiles -----------------------------------------------------------------
+
+struct truth_tiles *truth_tiles_create(const struct truth_sphere *s)
+{
+    struct truth_tiles *tiles = malloc(sizeof *tiles);
+    if (!tiles) return NULL;
+    tiles->pages = s->samples ? NULL : calloc(PAGES, sizeof *tiles->pages);
+    for (int k = 0; k < TILES; k++) tiles->all[k].level = 1;
+    if (s->samples || tiles->pages) return tiles;
+    truth_tiles_destroy(tiles);
+    return NULL;
+}
+
+void truth_tiles_destroy(struct truth_tiles *tiles)
+{
+    if (tiles) free(tiles->pages);
+    free(tiles);
+}
+
+static size_t slot_of(int level, int64_t x, int64_t y)
+{
+    uint64_t key =
+        (uint64_t)x * 0x9e3779b97f4a7c15u ^ (uint64_t)y * 0xc2b2ae3d27d4eb4fu ^ (uint64_t)(-level) << 57;
+    return (size_t)((key * 0xd6e8feb86659fd93u) >> 52) % TILES;
+}
+
+static void bound_tile(const struct truth_sphere *s, struct tile *tile)
+{
+    int32_t low[TILE + 5][TILE], high[TILE + 5][TILE]; // over REACH samples to either side along x
+    for (int j = 0; j < TILE + 5; j++)
+        for (int i = 0; i < TILE; i++) {
+            const int32_t *z = &tile->samples[j + 1][i + 1];
+            low[j][i] = high[j][i] = z[0];
+            for (int k = 1; k < 2 * REACH + 2; k++) {
+                low[j][i] = z[k] < low[j][i] ? z[k] : low[j][i];
+                high[j][i] = z[k] > high[j][i] ? z[k] : high[j][i];
+            }
+        }
+    for (int j = 0; j < TILE; j++)
+        for (int i = 0; i < TILE; i++) {
+            int32_t least = INT32_MAX, most = INT32_MIN;
+            for (int k = 0; k < 2 * REACH + 2; k++) {
+                least = low[j + k][i] < least ? low[j + k][i] : least;
+                most = high[j + k][i] > most ? high[j + k][i] : most;
+            }
+            tile->high[j][i] = bound_of(s, tile->level, tile->y * TILE + j, least, most);
+        }
+}
+
+// The tile (x, y) of a level; another call may make it another one.
+static const struct tile *tile_at(const struct truth_sphere *s, struct truth_tiles *tiles, int level,
+                                  int64_t x, int64_t y)
+{
+    enum { COARSE = 11 };
+    struct tile *tile = &tiles->all[slot_of(level, x, y)];
+    if (tile->level == level && tile->x == x && tile->y == y) return tile;
+    int32_t coarse[COARSE * COARSE];
+    if (level < 0) {
+        const struct tile *above = tile_at(s, tiles, level + 1, x >> 1, y >> 1);
+        int64_t i = (x & 1) * (TILE / 2), j = (y & 1) * (TILE / 2);
+        for (int row = 0; row < COARSE; row++)
+            memcpy(coarse + row * COARSE, &above->samples[j + row][i], COARSE * sizeof *coarse);
+    }
+    tile->level = level, tile->x = x, tile->y = y;
+    if (level < 0)
+        detail_refine(s->detail, level, coarse, x * TILE - BEFORE, y * TILE - BEFORE, SIDE, SIDE,
+                      &tile->samples[0][0]);
+    else
+        terrain_window(s->terrain, 0, x * TILE - BEFORE, y * TILE - BEFORE, SIDE, SIDE, &tile->samples[0][0],
+                       TERRAIN_WAIT);
+    bound_tile(s, tile);
+    return tile;
+}
+
+// ---- pages -----------------------------------------------------------------
+
+// Nodes of height k of a page, PAGE >> k a row.
+static float *page_nodes(struct page *page, int k)
+{
+    float *nodes = page->high;
+    for (int below = 0; below < k; below++) nodes += (PAGE >> below) * (PAGE >> below);
+    return nodes;
+}
+
+static void bound_page(const struct truth_sphere *s, struct page *page)
+{
+    int before = REACH - reach_of(s);
+    for (int j = 0; j < PAGE; j++)
+        for (int i = 0; i < PAGE; i++)
+            page->high[j * PAGE + i] = bound_cell(s, page->y * PAGE + j - s->pole,
+                                                  &page->samples[j + before][i + before], PAGE_SIDE);
+    for (int k = 1; k <= PAGE_HEIGHT; k++) {
+        const float *below = page_nodes(page, k - 1);
+        float *nodes = page_nodes(page, k);
+        int side = PAGE >> k;
+        for (int j = 0; j < side; j++)
+            for (int i = 0; i < side; i++) {
+                const float *b = below + 4 * j * side + 2 * i;
+                nodes[j * side + i] = fmaxf(fmaxf(b[0], b[1]), fmaxf(b[2 * side], b[2 * side + 1]));
+            }
+    }
+}
+
+// Page (x, y), in nodes of its height; another call may make it another one.
+static struct page *page_at(const struct truth_sphere *s, struct truth_tiles *tiles, int64_t x, int64_t y)
+{
+    struct page *page = &tiles->pages[slot_of(0, x, y) % PAGES];
+    if (page->read && page->x == x && page->y == y) return page;
+    page->x = x, page->y = y;
+    page->read = true;
+    terrain_window(s->terrain, 0, s->first + x * PAGE - REACH, y * PAGE - s->pole - REACH, PAGE_SIDE,
+                   PAGE_SIDE, &page->samples[0][0], TERRAIN_WAIT);
+    bound_page(s, page);
+    return page;
+}
+
+// ---- a ray -----------------------------------------------------------------
+
+struct ray {
+    const struct truth_sphere *s;
+    struct truth_tiles *tiles;
+    double origin[3], direction[3];
+    double nearest; // t where it is nearest to the centre
+};
+
+// Where the ray is: columns and rows in cells of level 0 from the south-west sample, height in quanta.
+struct at {
+    double t, place[2], height_q;
+};
+
+static double clamp(double value, double low, double high)
+{
+    return value < low ? low : value > high ? high : value;
+}
+
+static double dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+// `near`: a column less than half a turn away.
+static struct at at_time(const struct ray *ray, double t, double near)
+{
+    const struct truth_sphere *s = ray->s;
+    double p[3];
+    for (int k = 0; k < 3; k++) p[k] = ray->origin[k] + t * ray->direction[k];
+    double across = hypot(p[0], p[1]), column = atan2(p[1], p[0]) / s->spacing_rad[0] - (double)s->first;
+    struct at at = {.t = t};
+    at.place[0] = near + remainder(column - near, (double)s->columns);
+    at.place[1] = clamp(atan2(p[2], across) / s->spacing_rad[1] + (double)s->pole, 0, 2 * (double)s->pole);
+    at.height_q = (hypot(across, p[2]) - s->radius_m - s->offset_m) / s->quantum_m;
+    return at;
+}
+
+static double meridian_time(const struct ray *ray, double column)
+{
+    double longitude = (column + (double)ray->s->first) * ray->s->spacing_rad[0];
+    double x = cos(longitude), y = sin(longitude);
+    return (ray->origin[0] * y - ray->origin[1] * x) / (ray->direction[1] * x - ray->direction[0] * y);
+}
+
+// z c - rho s, 0 on the cone, and its change with t.
+static double off_cone(const struct ray *ray, double s, double c, double t, double *change)
+{
+    double x = ray->origin[0] + t * ray->direction[0], y = ray->origin[1] + t * ray->direction[1];
+    double z = ray->origin[2] + t * ray->direction[2], across = hypot(x, y);
+    double outward = across > 0 ? (x * ray->direction[0] + y * ray->direction[1]) / across
+                                : hypot(ray->direction[0], ray->direction[1]);
+    *change = ray->direction[2] * c - outward * s;
+    return z * c - across * s;
+}
+
+// The crossing of a cone of latitude between t0 and t1, on whose sides these lie: the quadratic's root there,
+// polished; where rounding leaves no root, bisection stands in.
+static double cone_time(const struct ray *ray, double row, double t0, double t1)
+{
+    double latitude = (row - (double)ray->s->pole) * ray->s->spacing_rad[1], s = sin(latitude),
+           c = cos(latitude);
+    const double *e = ray->origin, *d = ray->direction;
+    double a = d[2] * d[2] * c * c - s * s * (d[0] * d[0] + d[1] * d[1]);
+    double b = e[2] * d[2] * c * c - s * s * (e[0] * d[0] + e[1] * d[1]), across = hypot(e[0], e[1]);
+    double constant = (e[2] * c - across * s) * (e[2] * c + across * s), inside = b * b - a * constant;
+    double q = -(b + copysign(sqrt(fmax(inside, 0)), b)), roots[2] = {q / a, constant / q}, best = NAN,
+           change;
+    double least = HUGE_VAL, slack = 1e-9 * (fabs(t0) + fabs(t1));
+    for (int k = 0; k < 2; k++) {
+        if (!(roots[k] >= t0 - slack && roots[k] <= t1 + slack)) continue;
+        double off = fabs(off_cone(ray, s, c, roots[k], &change));
+        if (off < least) least = off, best = roots[k];
+    }
+    if (!isnan(best)) {
+        double off = off_cone(ray, s, c, best, &change), polished = best - off / change;
+        return clamp(isfinite(polished) ? polished : best, t0, t1);
+    }
+    double side = off_cone(ray, s, c, t0, &change);
+    for (int k = 0; k < 60; k++) {
+        double middle = 0.5 * (t0 + t1);
+        *((off_cone(ray, s, c, middle, &change) > 0) == (side > 0) ? &t0 : &t1) = middle;
+    }
+    return 0.5 * (t0 + t1);
+}
+
+// Where the ray crosses line `line` of an axis between a and b, which lie on its two sides.
+static struct at crossing(const struct ray *ray, int axis, double line, const struct at *a,
+                          const struct at *b)
+{
+    double t = axis ? cone_time(ray, line, a->t, b->t) : meridian_time(ray, line);
+    if (!(t > a->t)) t = a->t;
+    if (!(t < b->t)) t = b->t;
+    struct at at = at_time(ray, t, 0.5 * (a->place[0] + b->place[0]));
+    for (int k = 0; k < 2; k++)
+        at.place[k] = clamp(at.place[k], fmin(a->place[k], b->place[k]), fmax(a->place[k], b->place[k]));
+    at.place[axis] = line;
+    return at;
+}
+
+// ---- one cell of the finest level ------------------------------------------
+
+struct cell {
+    double west, south, size; // in cells of level 0
+    double corner[2][2];      // quanta, [north][east]
+};
+
+// Height of the ray over one of the two triangles.
+static double clearance(const struct cell *cell, bool se, const struct at *at)
+{
+    double u = clamp((at->place[0] - cell->west) / cell->size, 0, 1);
+    double v = clamp((at->place[1] - cell->south) / cell->size, 0, 1);
+    double along_x = cell->corner[!se][1] - cell->corner[!se][0],
+           along_y = cell->corner[1][se] - cell->corner[0][se];
+    return at->height_q - (cell->corner[0][0] + u * along_x + v * along_y);
+}
+
+static void set_hit(const struct ray *ray, const struct cell *cell, bool se, const struct at *at,
+                    struct truth_sphere_hit *hit)
+{
+    const struct truth_sphere *s = ray->s;
+    double scale = s->quantum_m / cell->size, place[3], axes[3][3];
+    double slope[2] = {(cell->corner[!se][1] - cell->corner[!se][0]) * scale / s->spacing_rad[0],
+                       (cell->corner[1][se] - cell->corner[0][se]) * scale / s->spacing_rad[1]};
+    place[0] = (at->place[0] + (double)s->first) * s->spacing_rad[0];
+    place[1] = (at->place[1] - (double)s->pole) * s->spacing_rad[1];
+    sphere_axes(1, place, axes);
+    hit->t = at->t;
+    hit->height_m = at->height_q * s->quantum_m + s->offset_m;
+    double r = s->radius_m + hit->height_m, east = slope[0] / (r * fmax(cos(place[1]), 1e-12)),
+           north = slope[1] / r;
+    for (int k = 0; k < 3; k++) hit->normal[k] = axes[2][k] - east * axes[0][k] - north * axes[1][k];
+}
+
+// Narrows a..b, where f changes its sign, to where it is 0 up to rounding (regula falsi, Illinois).
+struct narrowing {
+    const struct ray *ray;
+    const struct cell *cell;
+    int what; // 0, 1: clearance over the north-western, the south-eastern triangle; 2: over the diagonal
+};
+
+static double value_at(const struct narrowing *n, const struct at *at)
+{
+    if (n->what < 2) return clearance(n->cell, n->what, at);
+    return (at->place[0] - n->cell->west) - (at->place[1] - n->cell->south);
+}
+
+static struct at narrow(const struct narrowing *n, struct at a, struct at b, double fa, double fb)
+{
+    for (int k = 0, side = 0; k < 100 && b.t - a.t > 4 * DBL_EPSILON * fabs(b.t); k++) {
+        double t = k % 8 == 7 ? 0.5 * (a.t + b.t) : a.t + (b.t - a.t) * (fa / (fa - fb));
+        struct at m = at_time(n->ray, clamp(t, a.t, b.t), a.place[0]);
+        double f = value_at(n, &m);
+        if (f == 0 || m.t == a.t || m.t == b.t) return m;
+        if ((f > 0) == (fa > 0)) {
+            a = m, fa = f;
+            if (side == 1) fb *= 0.5;
+            side = 1;
+        } else {
+            b = m, fb = f;
+            if (side == 2) fa *= 0.5;
+            side = 2;
+        }
+    }
+    return b;
+}
+
+// Inside one triangle the clearance of a straight ray over a facet that follows the sphere is convex: it may
+// dip below between two ends above.
+static bool triangle_hit(const struct ray *ray, const struct cell *cell, bool se, const struct at *a,
+                         const struct at *b, struct truth_sphere_hit *hit)
+{
+    struct narrowing n = {ray, cell, se};
+    double fa = clearance(cell, se, a), fb = clearance(cell, se, b);
+    struct at found = *a;
+    if (fa > 0 && fb <= 0)
+        found = narrow(&n, *a, *b, fa, fb);
+    else if (fa > 0) {
+        double length_m = (b->t - a->t) * sqrt(dot(ray->direction, ray->direction));
+        double sag_q = length_m * length_m / (4 * ray->s->radius_m * ray->s->quantum_m);
+        if (fmin(fa, fb) > sag_q) return false;
+        struct at m = at_time(ray, 0.5 * (a->t + b->t), a->place[0]);
+        double fm = clearance(cell, se, &m), bend = 2 * (fa + fb - 2 * fm), lean = 4 * fm - 3 * fa - fb;
+        if (bend <= 0) return false;
+        double lowest = -lean / (2 * bend);
+        if (!(lowest > 0 && lowest < 1)) return false;
+        struct at low = at_time(ray, a->t + lowest * (b->t - a->t), a->place[0]);
+        double fl = clearance(cell, se, &low);
+        if (fl > 0) return false;
+        found = narrow(&n, *a, low, fa, fl);
+    }
+    set_hit(ray, cell, se, &found, hit);
+    return true;
+}
+
+static bool cell_hit(const struct ray *ray, int64_t i, int64_t j, const struct at *a, const struct at *b,
+                     struct truth_sphere_hit *hit)
+{
+    const struct truth_sphere *s = ray->s;
+    struct cell cell = {.size = ldexp(1, s->finest)};
+    if (s->finest == 0 && !s->samples) {
+        const struct page *page = page_at(s, ray->tiles, i / PAGE, j / PAGE);
+        for (int north = 0; north < 2; north++)
+            for (int east = 0; east < 2; east++)
+                cell.corner[north][east] = page->samples[j % PAGE + REACH + north][i % PAGE + REACH + east];
+    } else if (s->finest == 0) {
+        const int32_t *south = s->samples + j * s->columns, *north = south + s->columns;
+        int64_t east = i + 1 == s->columns ? 0 : i + 1;
+        cell.corner[0][0] = south[i], cell.corner[0][1] = south[east];
+        cell.corner[1][0] = north[i], cell.corner[1][1] = north[east];
+    } else {
+        int64_t scale = (int64_t)1 << -s->finest, x = i + s->first * scale, y = j - s->pole * scale;
+        const struct tile *tile = tile_at(s, ray->tiles, s->finest, x >> 3, y >> 3);
+        for (int north = 0; north < 2; north++)
+            for (int east = 0; east < 2; east++)
+                cell.corner[north][east] = tile->samples[(y & 7) + BEFORE + north][(x & 7) + BEFORE + east];
+    }
+    cell.west = (double)i * cell.size;
+    cell.south = (double)j * cell.size;
+    struct narrowing diagonal = {ray, &cell, 2};
+    double fa = value_at(&diagonal, a), fb = value_at(&diagonal, b);
+    if ((fa > 0 && fb < 0) || (fa < 0 && fb > 0)) {
+        struct at m = narrow(&diagonal, *a, *b, fa, fb);
+        return triangle_hit(ray, &cell, fa > 0, a, &m, hit) || triangle_hit(ray, &cell, fb > 0, &m, b, hit);
+    }
+    return triangle_hit(ray, &cell, fa + fb >= 0, a, b, hit);
+}
+
+// ---- the quadtree ----------------------------------------------------------
+
+// At least the highest height of the finest surface over node (i, j) of height k, in nodes.
+static double highest(const struct ray *ray, int k, int64_t i, int64_t j)
+{
+    const struct truth_sphere *s = ray->s;
+    if (k >= 0 && s->high[k]) return (double)s->high[k][j * s->width[k] + i];
+    if (k >= 0) {
+        int above = PAGE_HEIGHT - k, side = 1 << above;
+        struct page *page = page_at(s, ray->tiles, i >> above, j >> above);
+        return (double)page_nodes(page, k)[j % side * side + i % side];
+    }
+    int64_t scale = (int64_t)1 << -k, x = i + s->first * scale, y = j - s->pole * scale;
+    return (double)tile_at(s, ray->tiles, k, x >> 3, y >> 3)->high[y & 7][x & 7];
+}
+
+static bool visit(const struct ray *ray, int k, int64_t i, int64_t j, const struct at *a, const struct at *b,
+                  struct truth_sphere_hit *hit)
+{
+    const struct truth_sphere *s = ray->s;
+    double lowest = fmin(a->height_q, b->height_q);
+    if (ray->nearest > a->t && ray->nearest < b->t) lowest = at_time(ray, ray->nearest, a->place[0]).height_q;
+    if (lowest > highest(ray, k, i, j)) return false;
+    if (k == s->finest) return cell_hit(ray, i, j, a, b, hit);
+    double middle[2] = {ldexp((double)(2 * i + 1), k - 1), ldexp((double)(2 * j + 1), k - 1)};
+    struct at stops[4] = {*a};
+    int count = 1;
+    for (int axis = 0; axis < 2; axis++) {
+        double from = a->place[axis] - middle[axis], to = b->place[axis] - middle[axis];
+        if (!(from < 0 && to > 0) && !(from > 0 && to < 0)) continue;
+        stops[count++] = crossing(ray, axis, middle[axis], a, b);
+    }
+    if (count == 3 && stops[2].t < stops[1].t) {
+        struct at swap = stops[1];
+        stops[1] = stops[2];
+        stops[2] = swap;
+    }
+    stops[count] = *b;
+    int64_t scale = k > 0 ? 1 : (int64_t)1 << (1 - k);
+    for (int part = 0; part < count; part++) {
+        const struct at *from = &stops[part], *to = &stops[part + 1];
+        int64_t x = 2 * i + (0.5 * (from->place[0] + to->place[0]) >= middle[0]);
+        int64_t y = 2 * j + (0.5 * (from->place[1] + to->place[1]) >= middle[1]);
+        int64_t columns = k > 0 ? s->width[k - 1] : s->columns * scale,
+                rows = k > 0 ? s->height[k - 1] : 2 * s->pole * scale;
+        x = x < columns ? x : columns - 1; // along the far border: in the last one
+        y = y < rows ? y : rows - 1;
+        if (visit(ray, k - 1, x, y, from, to, hit)) return true;
+    }
+    return false;
+}
+
+// Between two times at which nothing turns: from the root.
+static bool visit_piece(const struct ray *ray, double t0, double t1, struct truth_sphere_hit *hit)
+{
+    const struct truth_sphere *s = ray->s;
+    double columns = (double)s->columns, middle = at_time(ray, 0.5 * (t0 + t1), 0.5 * columns).place[0];
+    struct at a = at_time(ray, t0, middle), b = at_time(ray, t1, middle);
+    a.place[0] = clamp(a.place[0], 0, columns);
+    b.place[0] = clamp(b.place[0], 0, columns);
+    return visit(ray, s->heights - 1, 0, 0, &a, &b, hit);
+}
+
+// ---- the contract ----------------------------------------------------------
+
+// Cuts t0..t1 to where the ray is below the highest and above the lowest ground.
+static bool enter_shell(const struct ray *ray, double *t0, double *t1)
+{
+    const struct truth_sphere *s = ray->s;
+    double top = s->radius_m + s->offset_m + (s->highest + 1) * s->quantum_m;
+    double core = s->radius_m + s->offset_m + (s->low - 1) * s->quantum_m;
+    double a = dot(ray->direction, ray->direction), b = dot(ray->origin, ray->direction);
+    double distance = sqrt(dot(ray->origin, ray->origin)),
+           least = sqrt(fmax(distance * distance - b * b / a, 0));
+    if (!(a > 0) || least > top) return false;
+    double half = sqrt((top - least) * (top + least) / a), t_near = -b / a;
+    *t0 = fmax(*t0, t_near - half);
+    *t1 = t_near + half;
+    double deep = least < core ? t_near - sqrt((core - least) * (core + least) / a) : *t1;
+    if (deep >= *t0) *t1 = fmin(*t1, deep);
+    return *t0 < *t1;
+}
+
+// Whether the ray begins below the surface.
+static bool begins_below(const struct ray *ray, double t0)
+{
+    const struct truth_sphere *s = ray->s;
+    struct at at = at_time(ray, t0, 0.5 * (double)s->columns);
+    if (at.height_q > s->highest) return false; // and need not be read there
+    double q, x = (at.place[0] + (double)s->first) * s->spacing_rad[0] * s->radius_m;
+    double y = (at.place[1] - (double)s->pole) * s->spacing_rad[1] * s->radius_m;
+    return terrain_truth_at(s->terrain, x, y, &q, NULL) && at.height_q < q;
+}
+
+bool truth_sphere_cast(const struct truth_sphere *s, struct truth_tiles *tiles, const double origin_m[3],
+                       const double direction[3], double t0, struct truth_sphere_hit *hit)
+{
+    struct ray ray = {.s = s, .tiles = tiles};
+    memcpy(ray.origin, origin_m, sizeof ray.origin);
+    memcpy(ray.direction, direction, sizeof ray.direction);
+    const double *e = ray.origin, *d = ray.direction;
+    double t1 = HUGE_VAL, ee = dot(e, e), ed = dot(e, d), dd = dot(d, d), cuts[4];
+    ray.nearest = -ed / dd;
+    if (!enter_shell(&ray, &t0, &t1) || begins_below(&ray, t0)) return false;
+    double turn = (d[2] * ee - e[2] * ed) / (e[2] * dd - d[2] * ed); // of the latitude
+    double seam = meridian_time(&ray, 0);
+    int count = 0;
+    cuts[count++] = t0;
+    if (turn > t0 && turn < t1) cuts[count++] = turn;
+    if (seam > t0 && seam < t1) cuts[count++] = seam;
+    if (count == 3 && seam < turn) cuts[1] = seam, cuts[2] = turn;
+    cuts[count] = t1;
+    for (int k = 0; k < count; k++)
+        if (visit_piece(&ray, cuts[k], cuts[k + 1], hit)) return true;
+    return false;
+}
