@@ -4,13 +4,12 @@
 // what differs from the paper's set-up.  A table whose data is missing says why and is kept in the output. To
 // add one, write the function and give it a line in papers.c.
 //
-//   papers.c          the list of tables, options, the order of work
-//   table.c    a table as text, JSON and HTML
-//   flight.c   timed flights of renderers
-//   clipmap.c  Losasso & Hoppe 2004      mars.c  geometry clipmapping for Mars
-//   compression.c  what both papers print of their coders
-//   coders.c   the coder beside other people's
-//   geomipmap.c  Brodersen 2005          pgm.c   Livny et al. 2008
+//   papers.c               the list of tables, options, the order of work
+//   table.c, flight.c      a table as text, JSON and HTML; timed flights of renderers
+//   clipmap.c, mars.c      Losasso & Hoppe 2004; geometry clipmapping for Mars
+//   compression.c          what both papers print of their coders
+//   coders.c               the coder beside other people's
+//   geomipmap.c, pgm.c     Brodersen 2005; Livny et al. 2008
 //   sphere.c, sphere_knobs.c   Clasen & Hege 2006
 // SPDX-License-Identifier: MIT
 #ifndef BENCH_PAPERS_PAPERS_H
