@@ -6,8 +6,8 @@
 //
 // What the paper leaves open: the pyramid's filter is (1 2 1)/4 with repeated borders, U the 4-point scheme
 // with repeated borders, blocks end at 8 samples. SPDX-License-Identifier: MIT
-#ifndef COMMON_TERRAIN_CODEC_MARS_H
-#define COMMON_TERRAIN_CODEC_MARS_H
+#ifndef COMMON_TERRAIN_RELIEF_CODEC_MARS_H
+#define COMMON_TERRAIN_RELIEF_CODEC_MARS_H
 
 #include <stdbool.h>
 #include <stddef.h>

@@ -12,8 +12,8 @@
 // read backwards.  The first signs stand in what is left of the states.  A tile of zeros has no bytes.
 //
 // SPDX-License-Identifier: MIT
-#ifndef COMMON_TERRAIN_CODER_H
-#define COMMON_TERRAIN_CODER_H
+#ifndef COMMON_TERRAIN_RELIEF_CODER_H
+#define COMMON_TERRAIN_RELIEF_CODER_H
 
 #include <stdbool.h>
 #include <stddef.h>

@@ -1,8 +1,8 @@
 // Files of 16-bit samples that are packed without holding them: raw files and SRTM tiles are read by windows
 // where they lie, a PNG once, row by row, into an unnamed file of plain samples that is then read in their
 // stead. SPDX-License-Identifier: MIT
-#ifndef COMMON_TERRAIN_FILE_SOURCE_H
-#define COMMON_TERRAIN_FILE_SOURCE_H
+#ifndef COMMON_TERRAIN_RELIEF_FILE_SOURCE_H
+#define COMMON_TERRAIN_RELIEF_FILE_SOURCE_H
 
 #include "common/terrain/relief/relief_source.h"
 

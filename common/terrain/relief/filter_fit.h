@@ -3,8 +3,8 @@
 // the constraint that there are 11 taps: cutting off the inverse of U'U instead is worse than taking every
 // other sample.  The filter is a tensor product of one symmetric line of taps that sum to 1, so six unknowns
 // are fitted on rows and columns together.  SPDX-License-Identifier: MIT
-#ifndef COMMON_TERRAIN_FILTER_FIT_H
-#define COMMON_TERRAIN_FILTER_FIT_H
+#ifndef COMMON_TERRAIN_RELIEF_FILTER_FIT_H
+#define COMMON_TERRAIN_RELIEF_FILTER_FIT_H
 
 #include <stdbool.h>
 #include <stdint.h>

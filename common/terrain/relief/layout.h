@@ -15,8 +15,8 @@
 // Values are internal units, quanta * 2^fraction_bits.  Sums wrap instead of overflowing: a harmed file gives
 // wrong heights, never undefined behaviour.
 // SPDX-License-Identifier: MIT
-#ifndef COMMON_TERRAIN_LAYOUT_H
-#define COMMON_TERRAIN_LAYOUT_H
+#ifndef COMMON_TERRAIN_RELIEF_LAYOUT_H
+#define COMMON_TERRAIN_RELIEF_LAYOUT_H
 
 #include "common/terrain/relief/coder.h"
 

@@ -6,8 +6,8 @@
 //   pack_steps.c     the steps that reach an aim
 //   pack_assemble.c  the file, from what was coded
 // SPDX-License-Identifier: MIT
-#ifndef COMMON_TERRAIN_PACK_H
-#define COMMON_TERRAIN_PACK_H
+#ifndef COMMON_TERRAIN_RELIEF_PACK_H
+#define COMMON_TERRAIN_RELIEF_PACK_H
 
 #include "common/terrain/relief/pack_region.h"
 #include "common/terrain/relief/pack_store.h"

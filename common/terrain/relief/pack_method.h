@@ -2,8 +2,8 @@
 // samples become coefficients and bytes.  Everything is local, so that a region of a map packs as the whole
 // map would.
 // SPDX-License-Identifier: MIT
-#ifndef COMMON_TERRAIN_PACK_METHOD_H
-#define COMMON_TERRAIN_PACK_METHOD_H
+#ifndef COMMON_TERRAIN_RELIEF_PACK_METHOD_H
+#define COMMON_TERRAIN_RELIEF_PACK_METHOD_H
 
 #include "common/terrain/relief/layout.h"
 

@@ -1,8 +1,8 @@
 // A rectangle of a map on its way into tiles: reduced level by level from the fine end, then coded from the
 // coarse end as a decoder will see it.  With margins of its own wide enough, a region gives bit for bit what
 // the whole map would give there; a region may be the whole map. SPDX-License-Identifier: MIT
-#ifndef COMMON_TERRAIN_PACK_REGION_H
-#define COMMON_TERRAIN_PACK_REGION_H
+#ifndef COMMON_TERRAIN_RELIEF_PACK_REGION_H
+#define COMMON_TERRAIN_RELIEF_PACK_REGION_H
 
 #include "common/terrain/relief/pack_method.h"
 

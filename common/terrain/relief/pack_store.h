@@ -7,8 +7,8 @@
 //   out        the file to be, when it is put together
 //
 // What goes wrong with files is kept and told once, by store_fail.  SPDX-License-Identifier: MIT
-#ifndef COMMON_TERRAIN_PACK_STORE_H
-#define COMMON_TERRAIN_PACK_STORE_H
+#ifndef COMMON_TERRAIN_RELIEF_PACK_STORE_H
+#define COMMON_TERRAIN_RELIEF_PACK_STORE_H
 
 #include "common/terrain/relief/layout.h"
 

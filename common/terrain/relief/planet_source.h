@@ -1,7 +1,7 @@
 // A whole planet as the map that packing knows: with a margin of samples that go on over the seam and over
 // the poles (relief_format.h), each pole one height. SPDX-License-Identifier: MIT
-#ifndef COMMON_TERRAIN_PLANET_SOURCE_H
-#define COMMON_TERRAIN_PLANET_SOURCE_H
+#ifndef COMMON_TERRAIN_RELIEF_PLANET_SOURCE_H
+#define COMMON_TERRAIN_RELIEF_PLANET_SOURCE_H
 
 #include "common/terrain/relief/relief_format.h"
 #include "common/terrain/relief/relief_source.h"

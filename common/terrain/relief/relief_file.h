@@ -1,8 +1,8 @@
 // A compressed terrain on disk, read where it is needed: any window of any level decodes alone, from the
 // tiles under it and those of the coarser levels above them.  relief_format.h has the bytes, layout.h what
 // they mean. SPDX-License-Identifier: MIT
-#ifndef COMMON_TERRAIN_RELIEF_FILE_H
-#define COMMON_TERRAIN_RELIEF_FILE_H
+#ifndef COMMON_TERRAIN_RELIEF_RELIEF_FILE_H
+#define COMMON_TERRAIN_RELIEF_RELIEF_FILE_H
 
 #include "common/terrain/heightfield.h"
 #include "common/terrain/relief/relief_format.h"

@@ -18,8 +18,8 @@
 // poles (sphere.h), wide enough that levels 0..coarsest are those of an endless map wherever they lie on the
 // planet: coders and filters know nothing of seams.  relief_planet says what of it is the planet.
 // SPDX-License-Identifier: MIT
-#ifndef COMMON_TERRAIN_RELIEF_FORMAT_H
-#define COMMON_TERRAIN_RELIEF_FORMAT_H
+#ifndef COMMON_TERRAIN_RELIEF_RELIEF_FORMAT_H
+#define COMMON_TERRAIN_RELIEF_RELIEF_FORMAT_H
 
 #include "common/terrain/relief/layout.h"
 #include "common/terrain/sphere.h"

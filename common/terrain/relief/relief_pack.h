@@ -5,8 +5,8 @@
 // region, each region from its own samples and the coarser level as decoded.  A small map is all "what is
 // left".  What is done is kept in OUT.part (pack_store.h): a pack that was interrupted, or killed, goes on
 // where it was.  The file depends neither on that nor on the number of threads. SPDX-License-Identifier: MIT
-#ifndef COMMON_TERRAIN_RELIEF_PACK_H
-#define COMMON_TERRAIN_RELIEF_PACK_H
+#ifndef COMMON_TERRAIN_RELIEF_RELIEF_PACK_H
+#define COMMON_TERRAIN_RELIEF_RELIEF_PACK_H
 
 #include "common/terrain/heightfield.h"
 #include "common/terrain/relief/relief_format.h"

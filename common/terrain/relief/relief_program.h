@@ -1,7 +1,7 @@
 // What the `terrain` program does with .relief files: pack, unpack, info, and compare of any two maps.
 // SPDX-License-Identifier: MIT
-#ifndef COMMON_TERRAIN_RELIEF_PROGRAM_H
-#define COMMON_TERRAIN_RELIEF_PROGRAM_H
+#ifndef COMMON_TERRAIN_RELIEF_RELIEF_PROGRAM_H
+#define COMMON_TERRAIN_RELIEF_RELIEF_PROGRAM_H
 
 #include <stdbool.h>
 

@@ -1,8 +1,8 @@
 // What is packed: anything whose samples can be had by windows.  A map in memory, a file of 16-bit samples
 // that is read where it is needed (file_source.h), a .relief file, or a made world (generate.h, amplify.h)
 // that is nowhere but in its formula. SPDX-License-Identifier: MIT
-#ifndef COMMON_TERRAIN_RELIEF_SOURCE_H
-#define COMMON_TERRAIN_RELIEF_SOURCE_H
+#ifndef COMMON_TERRAIN_RELIEF_RELIEF_SOURCE_H
+#define COMMON_TERRAIN_RELIEF_RELIEF_SOURCE_H
 
 #include "common/terrain/heightfield.h"
 #include "common/terrain/relief/layout.h"
