@@ -11,11 +11,11 @@ OBJ    := $(BUILD)/obj
 # ---- packages (Debian names) ----------------------------------------------------------------------------------
 PACKAGES := gcc libc6-dev make pkg-config git clang-format cppcheck libepoxy-dev libglfw3-dev libosmesa6-dev \
             libegl-dev libegl-mesa0 libgl1-mesa-dri libglx-mesa0 libcjson-dev libpng-dev libcmocka-dev gnuplot-nox \
-            xvfb xauth libxml2-utils clang libopenjp2-7-dev libcharls-dev liblerc-dev zlib1g-dev
-LIBRARIES := epoxy glfw3 libcjson libpng
+            xvfb xauth libxml2-utils clang zlib1g-dev libopenjp2-7-dev libcharls-dev liblerc-dev
+LIBRARIES := epoxy glfw3 libcjson libpng zlib
 GDAL      := $(shell pkg-config --exists gdal 2>/dev/null && echo gdal)
 # Other coders, for `terrain compare` alone; what is missing is said there.
-CODERS    := $(foreach c,OPENJPEG=libopenjp2 CHARLS=charls LERC=Lerc ZLIB=zlib,\
+CODERS    := $(foreach c,OPENJPEG=libopenjp2 CHARLS=charls LERC=Lerc,\
              $(shell pkg-config --exists $(lastword $(subst =, ,$c)) 2>/dev/null && echo $c))
 CODER_LIBRARIES := $(foreach c,$(CODERS),$(lastword $(subst =, ,$c)))
 
@@ -142,7 +142,7 @@ fuzz: $(BUILD)/tests/unit/test_fuzz ## spoilt .relief files under libFuzzer and 
 	@mkdir -p $(BUILD)/fuzz/corpus
 	RELIEF_CORPUS=$(BUILD)/fuzz/corpus $(BUILD)/tests/unit/test_fuzz >/dev/null
 	clang -std=c11 -D_DEFAULT_SOURCE -O2 -g -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
-	  -DRELIEF_LIBFUZZER -pthread -I. $(FUZZED) -lm -o $(BUILD)/fuzz/fuzz_relief
+	  -DRELIEF_LIBFUZZER -pthread -I. $(FUZZED) -lz -lm -o $(BUILD)/fuzz/fuzz_relief
 	$(BUILD)/fuzz/fuzz_relief -runs=$(runs) -seed=1 -max_len=8192 -timeout=10 -rss_limit_mb=512 -close_fd_mask=2 \
 	  -artifact_prefix=$(BUILD)/fuzz/ -print_final_stats=1 $(BUILD)/fuzz/corpus
 

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
+#include <zlib.h>
 
 #ifdef RELIEF_OPENJPEG
 #include <openjpeg.h>
@@ -15,9 +16,6 @@
 #endif
 #ifdef RELIEF_LERC
 #include <Lerc_c_api.h>
-#endif
-#ifdef RELIEF_ZLIB
-#include <zlib.h>
 #endif
 
 struct image { // heights less the lowest one, in quanta
@@ -214,7 +212,6 @@ static bool lerc_decode_image(const struct bytes *in, const struct image *image,
 
 // ---- zlib: heights in steps of 2 coarse + 1, differences along rows --------
 
-#ifdef RELIEF_ZLIB
 static bool zlib_encode(const struct image *image, double coarse, struct bytes *out)
 {
     uint32_t step = 2 * (uint32_t)coarse + 1;
@@ -250,7 +247,6 @@ static bool zlib_decode(const struct bytes *in, const struct image *image, doubl
     }
     return true;
 }
-#endif
 
 static const struct peer_coder CODERS[] = {
 #ifdef RELIEF_OPENJPEG
@@ -268,11 +264,7 @@ static const struct peer_coder CODERS[] = {
 #else
     {"LERC", true, 0, NULL, NULL},
 #endif
-#ifdef RELIEF_ZLIB
     {"zlib 9 of row differences", true, 32767, zlib_encode, zlib_decode},
-#else
-    {"zlib 9 of row differences", true, 0, NULL, NULL},
-#endif
 };
 
 int peer_coder_count(void)

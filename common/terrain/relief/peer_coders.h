@@ -1,8 +1,8 @@
 // Image coders of other people, run on heights for comparison: OpenJPEG (JPEG 2000), CharLS (JPEG-LS), LERC
-// and zlib.  Each is there when its library was there at build time (pkg-config); nothing else hangs on them.
-// SPDX-License-Identifier: MIT
-#ifndef COMMON_TERRAIN_PEER_CODERS_H
-#define COMMON_TERRAIN_PEER_CODERS_H
+// and zlib.  The first three are there when their libraries were there at build time (pkg-config); nothing
+// else hangs on those. SPDX-License-Identifier: MIT
+#ifndef COMMON_TERRAIN_RELIEF_PEER_CODERS_H
+#define COMMON_TERRAIN_RELIEF_PEER_CODERS_H
 
 #include "common/terrain/heightfield.h"
 
