@@ -168,44 +168,6 @@ static void write_text(const char *name, const char *text)
     write_file(name, text, strlen(text));
 }
 
-static void test_a_raw_file_is_read_by_windows(void **state)
-{
-    (void)state;
-    enum { W = 700, H = 610 };
-    static uint8_t raw[W * H * 2];
-    struct heightfield field = hills(W, H, 3);
-    for (int big = 0; big < 2; big++) {
-        for (int i = 0; i < W * H; i++) {
-            int32_t q = field.samples[(H - 1 - i / W) * W + i % W]; // files begin in the north
-            raw[2 * i + big] = (uint8_t)q;
-            raw[2 * i + 1 - big] = (uint8_t)(q >> 8);
-        }
-        char sidecar[256];
-        snprintf(sidecar, sizeof sidecar,
-                 "{\"width\": %d, \"height\": %d, \"dtype\": \"int16\", \"endian\": \"%s\", \"spacing_m\": "
-                 "[30, 40], \"height_scale\": 0.1, \"height_offset\": 7}",
-                 W, H, big ? "big" : "little");
-        write_text("hills.json", sidecar);
-        write_file("hills.raw", raw, sizeof raw);
-        struct relief_source source;
-        struct relief_header header;
-        pack(&field, BOUNDED, "field.relief");
-        assert_true(relief_source_open(&source, in_folder("hills.raw"), LITTLE_MEMORY, NULL));
-        assert_true(relief_pack_source(&source, &BOUNDED, in_folder("raw.relief"), &header));
-        relief_source_finish(&source);
-        assert_same_files("field.relief", "raw.relief");
-    }
-    raw[99] = 0x80, raw[98] = 0; // big-endian now: 0x0080 is no void; 0x8000 is
-    raw[98] = 0x80, raw[99] = 0;
-    write_file("hills.raw", raw, sizeof raw);
-    struct relief_source source;
-    assert_false(relief_source_open(&source, in_folder("hills.raw"), LITTLE_MEMORY, NULL)); // one line: voids
-    assert_true(relief_source_open(&source, in_folder("hills.raw"), 64 << 20, NULL));
-    assert_int_equal(source.voids_filled, 1);
-    relief_source_finish(&source);
-    heightfield_finish(&field);
-}
-
 enum { MAP_SIDE = 640, ROOMY_MEMORY = 1 << 30 };
 
 // 16-bit grey, big-endian rows from the north.
@@ -247,33 +209,47 @@ static bool little_memory_gives_the_same(const char *name)
     return by_windows;
 }
 
+#define SIDECAR                                                                                              \
+    "\"width\": 640, \"height\": 610, \"dtype\": \"int16\", \"spacing_m\": [30, 40], "                       \
+    "\"height_scale\": 0.1, \"height_offset\": 7, \"nodata\": 32000}"
+
 static void test_large_files_are_not_held(void **state)
 {
     (void)state;
-    enum { W = MAP_SIDE, H = MAP_SIDE };
-    static uint8_t rows[W * H * 2];
+    enum { W = MAP_SIDE, H = MAP_SIDE, PART = 2 * W * 610 };
+    static uint8_t rows[W * H * 2], swapped[PART];
     struct heightfield field = hills(W, H, 4);
-    for (int i = 0; i < W * H; i++) {
+    for (int i = 0; i < W * H; i++) { // files begin in the north
         int32_t q = field.samples[(H - 1 - i / W) * W + i % W] - 3000;
         rows[2 * i] = (uint8_t)(q >> 8);
         rows[2 * i + 1] = (uint8_t)q;
     }
     heightfield_finish(&field);
+    for (int i = 0; i < PART; i++) swapped[i] = rows[i ^ 1];
     write_png("bare.png", rows, H, PNG_INTERLACE_NONE);
     assert_true(little_memory_gives_the_same("bare.png")); // no sidecar: unsigned
-    write_text("map.json", "{\"width\": 640, \"height\": 610, \"dtype\": \"int16\", \"spacing_m\": [30, 40], "
-                           "\"height_scale\": 0.1, \"height_offset\": 7, \"nodata\": 32000}");
+    write_text("map.json", "{" SIDECAR);
+    write_text("big.json", "{\"endian\": \"big\", " SIDECAR);
     write_png("map.png", rows, 610, PNG_INTERLACE_NONE);
-    assert_true(little_memory_gives_the_same("map.png"));
+    write_file("map.raw", swapped, PART);
+    write_file("big.raw", rows, PART);
     write_file("N47W122.hgt", rows, sizeof rows);
+    assert_true(little_memory_gives_the_same("map.png"));
+    assert_true(little_memory_gives_the_same("map.raw"));
+    assert_true(little_memory_gives_the_same("big.raw"));
     assert_true(little_memory_gives_the_same("N47W122.hgt"));
     write_png("map.png", rows, 610, PNG_INTERLACE_ADAM7);
     assert_false(little_memory_gives_the_same("map.png"));
     rows[4000] = 32000 >> 8, rows[4001] = 32000 & 255; // a void
     write_png("map.png", rows, 610, PNG_INTERLACE_NONE);
     assert_false(little_memory_gives_the_same("map.png"));
+    write_file("big.raw", rows, PART);
+    struct relief_source source; // one line each: voids, and the sidecar says another height
+    assert_false(relief_source_open(&source, in_folder("big.raw"), LITTLE_MEMORY, NULL));
+    assert_true(relief_source_open(&source, in_folder("big.raw"), ROOMY_MEMORY, NULL));
+    assert_int_equal(source.voids_filled, 1);
+    relief_source_finish(&source);
     write_png("map.png", rows, 609, PNG_INTERLACE_NONE);
-    struct relief_source source; // one line: the sidecar says another height
     assert_false(relief_source_open(&source, in_folder("map.png"), LITTLE_MEMORY, NULL));
     assert_int_equal(truncate(in_folder("bare.png"), 200000), 0);
     assert_false(relief_source_open(&source, in_folder("bare.png"), LITTLE_MEMORY, NULL));
@@ -419,21 +395,30 @@ static bool counted_window(const struct relief_source *source, const struct patc
     return c->source.window(&c->source, to);
 }
 
+// Opens c->source; what is returned counts its windows, and `options` look at the flag.  One thread, small
+// regions.
+static struct relief_source counting_open(struct counting *c, const char *name, size_t memory_bytes,
+                                          struct relief_pack_options *options)
+{
+    assert_true(relief_source_open(&c->source, in_folder(name), memory_bytes, NULL));
+    struct relief_source source = c->source;
+    source.window = counted_window;
+    source.data = c;
+    options->threads = 1;
+    options->region = 256;
+    options->interrupted = &c->raised;
+    return source;
+}
+
 static void test_interrupted_restarted_and_begun_otherwise(void **state)
 {
     (void)state;
     struct counting c = {.left = 0};
     struct relief_header header;
-    write_text("world.json", WORLD);
-    assert_true(relief_source_open(&c.source, in_folder("world.json"), 0, NULL));
-    struct relief_source source = c.source;
-    source.window = counted_window;
-    source.data = &c;
     struct relief_pack_options options = BOUNDED, other = BOUNDED;
-    options.threads = 1;
-    options.region = 256;
-    options.interrupted = &c.raised;
     other.max_m = 2;
+    write_text("world.json", WORLD);
+    struct relief_source source = counting_open(&c, "world.json", 0, &options);
     assert_true(relief_pack_source(&source, &options, in_folder("plain.relief"), &header));
     int windows = -c.left, breaks = 0;
     for (c.left = 1; !exists("later.relief"); c.left = windows / 7) {
@@ -469,17 +454,11 @@ static void test_an_interrupted_png_goes_on(void **state)
     for (int i = 0; i < MAP_SIDE * MAP_SIDE; i++) rows[2 * i + 1] = (uint8_t)(test_random(&seed) % 50);
     write_png("again.png", rows, MAP_SIDE, PNG_INTERLACE_NONE);
     struct relief_pack_options options = BOUNDED;
-    options.threads = 1;
-    options.region = 256;
     int windows = 0;
     for (int run = -1; run < 3; run++) { // the first in one go, the last goes on to the end
         struct counting c = {.left = run < 0 || run == 2 ? 0 : windows / 3};
         struct relief_header header;
-        assert_true(relief_source_open(&c.source, in_folder("again.png"), MEMORY[run < 0 ? 0 : run], NULL));
-        struct relief_source source = c.source;
-        source.window = counted_window;
-        source.data = &c;
-        options.interrupted = &c.raised;
+        struct relief_source source = counting_open(&c, "again.png", MEMORY[run < 0 ? 0 : run], &options);
         bool good = relief_pack_source(&source, &options, in_folder(run < 0 ? "onego.relief" : "bits.relief"),
                                        &header);
         assert_true(good == (run < 0 || run == 2));
@@ -496,16 +475,10 @@ static void test_progress_ends_at_100(void **state)
     (void)state;
     struct counting c = {.left = 60};
     struct relief_header header;
-    write_text("world.json", WORLD);
-    assert_true(relief_source_open(&c.source, in_folder("world.json"), 0, NULL));
-    struct relief_source source = c.source;
-    source.window = counted_window;
-    source.data = &c;
     struct relief_pack_options options = WAVELET;
-    options.threads = 1;
-    options.region = 256;
     options.progress = true;
-    options.interrupted = &c.raised;
+    write_text("world.json", WORLD);
+    struct relief_source source = counting_open(&c, "world.json", 0, &options);
     fflush(stderr);
     int kept = dup(2), file = open(in_folder("progress"), O_RDWR | O_CREAT | O_TRUNC, 0600);
     dup2(file, 2);
@@ -591,7 +564,6 @@ int main(void)
         cmocka_unit_test(test_regions_give_what_the_whole_gives),
         cmocka_unit_test(test_wavelet_by_regions_decodes_to_what_was_measured),
         cmocka_unit_test(test_threads_and_regions_do_not_show),
-        cmocka_unit_test(test_a_raw_file_is_read_by_windows),
         cmocka_unit_test(test_large_files_are_not_held),
         cmocka_unit_test(test_a_made_world_is_the_same_from_any_window),
         cmocka_unit_test(test_specs_that_do_not_serve_are_one_line),
