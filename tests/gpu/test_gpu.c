@@ -457,6 +457,55 @@ static void test_depth(void **state)
     assert_true(worst <= 4 * 0x1p-23);
 }
 
+// Pixels of a sliver drawn over nothing; returns how many.
+static int draw_sliver(struct fixture *f, bool depth_test, bool *drawn)
+{
+    static float positions[SIDE * SIDE][4];
+    int count = 0;
+    gpu_target_begin(f->gpu, &f->targets[PASS_POSITION]);
+    if (!depth_test) glDisable(GL_DEPTH_TEST);
+    gpu_use_program(f->gpu, &f->programs[PASS_POSITION]);
+    gpu_draw_elements(f->gpu, GL_TRIANGLES, 3, GL_UNSIGNED_INT, 0, 0, 1);
+    gpu_target_read(f->gpu, &f->targets[PASS_POSITION], positions);
+    for (int p = 0; p < SIDE * SIDE; p++) count += drawn[p] = positions[p][3] != 0;
+    return count;
+}
+
+// A triangle `part` of the sub-pixel grid's spacing g high that covers a centre outside itself.  In pixels
+// from that centre its corners are A (-6, -.6 g), B (10, .6 g) and D (-2, part g - .3 g), and y is snapped to
+// -g, g and 0: at the centre the snapped triangle reaches from -.25 g to .17 g, the true one's edge AB runs
+// .15 g below.  So the depth there is A's and B's, near 0, less .15 / part times what it falls from AB to D:
+// where depth follows the true triangle it is far below 0, and clamped.  What is covered is drawn all the
+// same.
+static void test_slivers_at_the_depth_of_the_sky(void **state)
+{
+    struct fixture *f = *state;
+    static const uint32_t indices[3] = {0, 1, 2};
+    static const double x_px[3] = {-6, 10, -2};
+    static bool covered[SIDE * SIDE], drawn[SIDE * SIDE];
+    struct gpu_frame frame = flat_frame();
+    gpu_set_frame(f->gpu, &frame);
+    GLint bits;
+    glGetIntegerv(GL_SUBPIXEL_BITS, &bits);
+    int centres = 0;
+    for (int n = 0; n < 24; n++) { // thinner ones go under in window coordinates of 24 bits
+        double g = ldexp(1, -bits), part = exp2(-1 - n % 6), near_px = 8.5 + 12 * (n / 6);
+        const double y_g[3] = {-0.6, 0.6, part - 0.3}, depth[3] = {1e-4, 1e-4, 1e-6};
+        float vertices[3][3];
+        for (int v = 0; v < 3; v++) {
+            vertices[v][0] = (float)((near_px + x_px[v]) / (SIDE / 2) - 1);
+            vertices[v][1] = (float)((near_px + y_g[v] * g) / (SIDE / 2) - 1);
+            vertices[v][2] = (float)((depth[v] - 0.5) / 0.25);
+        }
+        load_mesh(f, vertices, 3, indices, sizeof indices);
+        centres += draw_sliver(f, false, covered);
+        draw_sliver(f, true, drawn);
+        assert_memory_equal(covered, drawn, sizeof covered);
+    }
+    FIGURE("slivers below the sub-pixel grid cover %d centres, and all are drawn", centres);
+    if (gpu_info(f->gpu)->software) assert_true(centres > 0); // which grid others have is theirs
+}
+
 // ---- shading ---------------------------------------------------------------
 
 // What the fragment program is to show of ground with this upward normal, `share` of the map's relief high.
@@ -831,6 +880,7 @@ int main(void)
         cmocka_unit_test(test_position_pass),
         cmocka_unit_test(test_position_side),
         cmocka_unit_test(test_depth),
+        cmocka_unit_test(test_slivers_at_the_depth_of_the_sky),
         cmocka_unit_test(test_shading),
         cmocka_unit_test(test_outline),
         cmocka_unit_test(test_inside_outline),
