@@ -333,7 +333,7 @@ static int gather(struct geomipmap *g, struct geomipmap_view *view, int start)
         int slot;
         enum geomipmap_found found = geomipmap_cache_find(&g->cache, slot_name(g, view, pick), &slot);
         if (found == GEOMIPMAP_FULL) break;
-        if (slot >= g->room) resize_slots(g, g->room + g->room / 8);
+        if (slot >= g->room) resize_slots(g, g->room + g->room / 16);
         if (!reserve_forms(g) || !reserve_morphs(g, view)) break;
         if (found == GEOMIPMAP_MISS || changed_form(g, pick, slot)) upload_tile(g, pick, slot);
         add_draws(g, view, pick, slot);
@@ -381,6 +381,7 @@ static bool reserve_blocks(struct geomipmap_view *view, int room)
 static bool reserve_draws(struct geomipmap_view *view, int room, bool own_shading)
 {
     if (view->room >= room) return true;
+    if (room < view->room + view->room / 16) room = view->room + view->room / 16;
     if (own_shading && !reserve_blocks(view, room)) return false;
     GLsizei *counts = realloc(view->counts, (size_t)room * sizeof *counts);
     if (counts) view->counts = counts;
@@ -487,8 +488,10 @@ static bool select_view(struct geomipmap *g, struct geomipmap_view *own, const s
     own->drawn = g->choice.cull ? selection->seen : selection->count;
     own->triangles = 0;
     for (int i = 0; i < own->drawn; i++) own->triangles += set_triangles(&g->mesh, selection->picks[i].set);
-    if (g->own_shading) geomipmap_shading_add(&g->shading, selection, own->drawn, view->pixels_per_tangent);
-    return reserve_draws(own, selection->room * most_parts(g), g->own_shading);
+    if (g->own_shading &&
+        !geomipmap_shading_add(&g->shading, selection, own->drawn, view->pixels_per_tangent))
+        return false;
+    return reserve_draws(own, own->drawn * most_parts(g), g->own_shading);
 }
 
 // An eye at rest sees nothing new coming.
@@ -616,7 +619,6 @@ static size_t buffer_bytes(const struct geomipmap *g)
 static size_t tile_bytes(const struct geomipmap *g)
 {
     size_t bytes = geomipmap_tiles_bytes(&g->tiles) + geomipmap_cache_bytes(&g->cache) + buffer_bytes(g) +
-                   g->mesh.index_count * sizeof *g->mesh.indices +
                    (size_t)g->mesh.part_count * sizeof *g->mesh.parts;
     for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {
         const struct geomipmap_view *view = &g->views[i];
@@ -734,6 +736,7 @@ static void create_buffers(struct geomipmap *g)
     glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, g->indices);
     gpu_buffer_data(g->gpu, GL_ELEMENT_ARRAY_BUFFER, g->mesh.index_count * sizeof *g->mesh.indices,
                     g->mesh.indices, GL_STATIC_DRAW);
+    geomipmap_mesh_release(&g->mesh);
     glGenTextures(1, &g->places_texture);
     glGenTextures(1, &g->heights_texture);
     for (int i = 0; i < RENDERER_MAX_VIEWS; i++) {

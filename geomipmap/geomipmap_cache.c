@@ -7,7 +7,7 @@
 
 enum { NONE = -1, FIRST_ROOM = 64, FIRST_BITS = 7 };
 
-// Tables stay at most half full.
+// Tables stay at most three quarters full.
 static size_t table_size(const struct geomipmap_cache *cache)
 {
     return (size_t)1 << cache->table_bits;
@@ -141,11 +141,11 @@ void geomipmap_cache_begin_batch(struct geomipmap_cache *cache)
 
 static bool make_room(struct geomipmap_cache *cache)
 {
-    int room = cache->slot_room ? 2 * cache->slot_room : FIRST_ROOM;
+    int room = cache->slot_room ? cache->slot_room + cache->slot_room / 16 : FIRST_ROOM;
     struct geomipmap_cache_slot *slots = realloc(cache->slots, (size_t)room * sizeof *slots);
     if (!slots) return false;
     cache->slots = slots;
-    if (2 * (size_t)room > table_size(cache)) {
+    if (4 * (size_t)room > 3 * table_size(cache)) {
         if (!make_table(cache, cache->table_bits + 1)) return false;
         for (int slot = 0; slot < cache->slot_count; slot++)
             cache->table[entry_of(cache, slots[slot].tile)] = slot;

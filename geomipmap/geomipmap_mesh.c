@@ -279,6 +279,12 @@ bool geomipmap_mesh_init(struct geomipmap_mesh *mesh, int bits, enum geomipmap_b
     return fail("geomipmap: no memory for the index sets");
 }
 
+void geomipmap_mesh_release(struct geomipmap_mesh *mesh)
+{
+    free(mesh->indices);
+    mesh->indices = NULL;
+}
+
 void geomipmap_mesh_finish(struct geomipmap_mesh *mesh)
 {
     free(mesh->parts);

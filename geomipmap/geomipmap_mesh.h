@@ -56,7 +56,8 @@ struct geomipmap_mesh {
 
 // Builds the sets for tiles of 2^bits cells a side.  False after one line on stderr.
 bool geomipmap_mesh_init(struct geomipmap_mesh *mesh, int bits, enum geomipmap_borders borders, bool strips);
-void geomipmap_mesh_finish(struct geomipmap_mesh *mesh); // accepts a zeroed mesh
+void geomipmap_mesh_finish(struct geomipmap_mesh *mesh);  // accepts a zeroed mesh
+void geomipmap_mesh_release(struct geomipmap_mesh *mesh); // of the indices, once a buffer holds them
 
 // Number of the set for a tile at `level` beside neighbours at `neighbours` (by enum geomipmap_side; any
 // level).

@@ -7,13 +7,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { FIRST_ROOM = 1024, FIRST_CORNER_BITS = 12, PARTS = 4, ROOT = 0, REMEMBERED = 1 << 16 };
+enum { FIRST_ROOM = 64, FIRST_CORNER_BITS = 8, PARTS = 4, ROOT = 0, REMEMBERED = 1 << 16 };
 
 // ---- memory -------------------------------------------------------------------------------------
 
 static int grown(int room, int needed)
 {
-    return needed > room + room / 4 ? needed : room + room / 4;
+    return needed > room + room / 16 ? needed : room + room / 16;
 }
 
 static bool reserve_picks(struct geomipmap_selection *selection, int count)
@@ -21,10 +21,8 @@ static bool reserve_picks(struct geomipmap_selection *selection, int count)
     if (count <= selection->room) return true;
     int room = grown(selection->room, count);
     struct geomipmap_pick *picks = realloc(selection->picks, (size_t)room * sizeof *picks);
-    if (picks) selection->picks = picks;
-    struct geomipmap_pick *list = realloc(selection->list, (size_t)room * sizeof *list);
-    if (list) selection->list = list;
-    if (!picks || !list) return fail("geomipmap: no memory to select %d tiles", room);
+    if (!picks) return fail("geomipmap: no memory to select %d tiles", room);
+    selection->picks = picks;
     selection->room = room;
     return true;
 }
@@ -45,18 +43,42 @@ static size_t corner_room(const struct geomipmap_selection *selection)
     return selection->corner_bits ? (size_t)1 << selection->corner_bits : 0;
 }
 
-// Empties the hash and makes it at most half full with the corners of `count` tiles.
-static bool clear_corners(struct geomipmap_selection *selection, int count)
+// The corner's entry, or the gap where it would stand: its step is GEOMIPMAP_NOTHING.
+static struct geomipmap_corner *find_corner(const struct geomipmap_selection *selection,
+                                            struct geomipmap_corner wanted)
 {
-    int bits = selection->corner_bits ? selection->corner_bits : FIRST_CORNER_BITS;
-    while ((size_t)1 << bits < 2 * GEOMIPMAP_SIDES * (size_t)count) bits++;
-    if (bits > selection->corner_bits) {
-        free(selection->corners);
-        selection->corners = malloc(((size_t)1 << bits) * sizeof *selection->corners);
-        if (!selection->corners) return fail("geomipmap: no memory for the corners of %d tiles", count);
-        selection->corner_bits = bits;
-    }
-    memset(selection->corners, 0, corner_room(selection) * sizeof *selection->corners);
+    struct geomipmap_corner *corners = selection->corners;
+    uint64_t name = (uint64_t)wanted.row << 28 | wanted.column;
+    size_t mask = corner_room(selection) - 1,
+           at = (size_t)(name * 0x9e3779b97f4a7c15u >> (64 - selection->corner_bits));
+    while (corners[at].step != GEOMIPMAP_NOTHING &&
+           (corners[at].column != wanted.column || corners[at].row != wanted.row))
+        at = (at + 1) & mask;
+    return &corners[at];
+}
+
+static void clear_corners(struct geomipmap_selection *selection)
+{
+    for (size_t i = 0; i < corner_room(selection); i++) selection->corners[i].step = GEOMIPMAP_NOTHING;
+    selection->corner_count = 0;
+}
+
+// Makes the hash at most three quarters full with those of one more tile.
+static bool reserve_corners(struct geomipmap_selection *selection)
+{
+    size_t old_room = corner_room(selection);
+    if (4 * ((size_t)selection->corner_count + GEOMIPMAP_SIDES) <= 3 * old_room) return true;
+    struct geomipmap_corner *old = selection->corners;
+    int bits = old ? selection->corner_bits + 1 : FIRST_CORNER_BITS, count = selection->corner_count;
+    struct geomipmap_corner *corners = malloc(((size_t)1 << bits) * sizeof *corners);
+    if (!corners) return fail("geomipmap: no memory for the corners of %d tiles", count);
+    selection->corners = corners;
+    selection->corner_bits = bits;
+    clear_corners(selection);
+    for (size_t i = 0; i < old_room; i++)
+        if (old[i].step != GEOMIPMAP_NOTHING) *find_corner(selection, old[i]) = old[i];
+    selection->corner_count = count;
+    free(old);
     return true;
 }
 
@@ -73,7 +95,6 @@ bool geomipmap_selection_init(struct geomipmap_selection *selection)
 void geomipmap_selection_finish(struct geomipmap_selection *selection)
 {
     free(selection->picks);
-    free(selection->list);
     free(selection->nodes);
     free(selection->corners);
     free(selection->memory);
@@ -88,7 +109,7 @@ void geomipmap_selection_restart(struct geomipmap_selection *selection)
 
 size_t geomipmap_selection_bytes(const struct geomipmap_selection *selection)
 {
-    return (size_t)selection->room * (sizeof *selection->picks + sizeof *selection->list) +
+    return (size_t)selection->room * sizeof *selection->picks +
            (size_t)selection->node_room * sizeof *selection->nodes +
            corner_room(selection) * sizeof *selection->corners +
            geomipmap_cache_bytes(&selection->remembered) +
@@ -564,46 +585,41 @@ static struct geomipmap_pick make_pick(const struct scan *scan, int n)
     return pick;
 }
 
-// Lists the leaves that are picks front to back, those seen in one list and the others in another.
-static void list_picks(struct scan *scan, int n)
+static bool is_pick(const struct geomipmap_node *node)
 {
-    struct geomipmap_selection *selection = scan->selection;
+    return node->kind == PICK && !node->first;
+}
+
+// Lists the leaves that are picks front to back: those seen from next[1] on, the others from next[0].
+static void list_picks(struct scan *scan, int n, struct geomipmap_pick *next[2])
+{
     const struct geomipmap_node *node = node_at(scan, n);
     for (int k = 0; k < PARTS && node->first; k++)
-        list_picks(scan, node->first + part_in_order(scan, node->place, k));
-    if (node->first || node->kind != PICK) return;
-    struct geomipmap_pick *pick = node->seen ? &selection->picks[selection->seen++]
-                                             : &selection->list[selection->count - selection->seen];
-    *pick = make_pick(scan, n);
-    selection->count++;
+        list_picks(scan, node->first + part_in_order(scan, node->place, k), next);
+    if (is_pick(node)) *next[node->seen]++ = make_pick(scan, n);
 }
 
 static void choose_sets(struct scan *scan)
 {
     struct geomipmap_selection *selection = scan->selection;
     selection->count = selection->seen = 0;
-    scan->failed = !reserve_picks(selection, selection->node_count);
+    for (int n = 0; n < selection->node_count; n++) {
+        selection->count += is_pick(node_at(scan, n));
+        selection->seen += is_pick(node_at(scan, n)) && node_at(scan, n)->seen;
+    }
+    scan->failed = !reserve_picks(selection, selection->count);
     if (scan->failed) return;
-    list_picks(scan, ROOT);
-    memcpy(selection->picks + selection->seen, selection->list,
-           (size_t)(selection->count - selection->seen) * sizeof *selection->picks);
+    struct geomipmap_pick *next[2] = {selection->picks + selection->seen, selection->picks};
+    list_picks(scan, ROOT, next);
 }
 
 // ---- corners ------------------------------------------------------------------------------------
 
-// Step of the vertex where tiles meet; GEOMIPMAP_NOTHING when it was not asked for before.
-static uint8_t *corner_step(const struct scan *scan, struct geomipmap_place place, int corner)
+static struct geomipmap_corner corner_at(struct geomipmap_place place, int corner)
 {
-    struct geomipmap_selection *selection = scan->selection;
     bool east = corner < 2, north = corner == 1 || corner == 2;
-    uint64_t column = (uint64_t)(place.column + east) << place.height;
-    uint64_t row = (uint64_t)(place.row + north) << place.height, name = (row << 32 | column) + 1;
-    size_t mask = corner_room(selection) - 1,
-           at = (size_t)(name * 0x9e3779b97f4a7c15u >> (64 - selection->corner_bits));
-    while (selection->corners[at].name && selection->corners[at].name != name) at = (at + 1) & mask;
-    if (!selection->corners[at].name)
-        selection->corners[at] = (struct geomipmap_corner){name, GEOMIPMAP_NOTHING};
-    return &selection->corners[at].step;
+    return (struct geomipmap_corner){.column = (uint32_t)(place.column + east) << place.height,
+                                     .row = (uint32_t)(place.row + north) << place.height};
 }
 
 static int side_step(const struct geomipmap_pick *pick, int side)
@@ -611,14 +627,19 @@ static int side_step(const struct geomipmap_pick *pick, int side)
     return pick->place.height + pick->hem[side].level;
 }
 
-static void end_sides(const struct scan *scan, const struct geomipmap_pick *pick)
+// Corner n lies between sides n and n + 1, and takes the finest step of those that end there.
+static void end_sides(struct scan *scan, const struct geomipmap_pick *pick)
 {
-    for (int side = 0; side < GEOMIPMAP_SIDES; side++)
-        for (int end = 0; end < 2; end++) {
-            uint8_t *least = corner_step(scan, pick->place, (side + 3 * end) % GEOMIPMAP_SIDES);
-            int step = side_step(pick, side);
-            if (step < *least) *least = (uint8_t)step;
-        }
+    struct geomipmap_selection *selection = scan->selection;
+    scan->failed = scan->failed || !reserve_corners(selection);
+    for (int corner = 0; corner < GEOMIPMAP_SIDES && !scan->failed; corner++) {
+        int one = side_step(pick, corner), other = side_step(pick, (corner + 1) % GEOMIPMAP_SIDES);
+        int step = one < other ? one : other;
+        struct geomipmap_corner there = corner_at(pick->place, corner), *at = find_corner(selection, there);
+        there.step = (uint8_t)step;
+        selection->corner_count += at->step == GEOMIPMAP_NOTHING;
+        if (there.step < at->step) *at = there;
+    }
 }
 
 // Corners within the side of a larger tile.
@@ -631,7 +652,8 @@ static void cross_sides(const struct scan *scan, const struct geomipmap_pick *pi
             bool across = side == GEOMIPMAP_SOUTH || side == GEOMIPMAP_NORTH;
             int along = across ? pick->place.column + east : pick->place.row + north;
             if (along & ((1 << (pick->larger[side] - pick->place.height)) - 1))
-                *corner_step(scan, pick->place, corner) = (uint8_t)side_step(pick, side);
+                find_corner(scan->selection, corner_at(pick->place, corner))->step =
+                    (uint8_t)side_step(pick, side);
         }
 }
 
@@ -640,13 +662,14 @@ static void cross_sides(const struct scan *scan, const struct geomipmap_pick *pi
 static void choose_forms(struct scan *scan)
 {
     struct geomipmap_selection *selection = scan->selection;
-    scan->failed = !clear_corners(selection, selection->count);
-    if (scan->failed) return;
+    clear_corners(selection);
     for (int k = 0; k < selection->count; k++) end_sides(scan, &selection->picks[k]);
+    if (scan->failed) return;
     for (int k = 0; k < selection->count; k++) cross_sides(scan, &selection->picks[k]);
     for (int k = 0; k < selection->count; k++)
         for (int n = 0; n < GEOMIPMAP_SIDES; n++)
-            selection->picks[k].corner[n] = *corner_step(scan, selection->picks[k].place, n);
+            selection->picks[k].corner[n] =
+                find_corner(selection, corner_at(selection->picks[k].place, n))->step;
 }
 
 struct geomipmap_form geomipmap_pick_form(const struct geomipmap_pick *pick)

@@ -72,13 +72,13 @@ struct geomipmap_node { // of the tree of one view
     struct geomipmap_place place;
     int first; // of its four parts, south-west, south-east, north-west, north-east; 0: it has none
     float depth_m;
-    uint8_t kind, level, morph, way; // of a leaf; kind: of enum in geomipmap_select.c
-    bool seen;
+    // of a leaf; kind: of enum in geomipmap_select.c
+    unsigned kind : 2, level : 4, way : 2, seen : 1, morph : 8;
 };
 
-struct geomipmap_corner { // where tiles meet
-    uint64_t name;        // 0: none
-    uint8_t step;         // of the vertex there
+struct geomipmap_corner {           // where tiles meet
+    uint64_t column : 28, row : 28; // in tiles of height 0
+    uint64_t step : 8;              // of the vertex there; GEOMIPMAP_NOTHING: no corner
 };
 
 struct geomipmap_memory { // of frames before: what was drawn of a tile
@@ -90,12 +90,11 @@ struct geomipmap_selection {
     struct geomipmap_pick *picks; // those seen first
     int count, seen;              // of all; of those seen
     int late;                     // tiles that are coarser than they should be
-    struct geomipmap_pick *list;  // while selecting
-    int room;                     // of both
+    int room;
     struct geomipmap_node *nodes;
     int node_count, node_room;
     struct geomipmap_corner *corners; // of filtered tiles: a hash, 1 << corner_bits
-    int corner_bits;
+    int corner_bits, corner_count;
     struct geomipmap_cache remembered; // tiles, with hysteresis
     struct geomipmap_memory *memory;   // by slot of the cache
     int memory_room;

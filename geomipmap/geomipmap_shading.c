@@ -5,6 +5,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 #include <time.h>
 
 enum { LIGHT_UNIT = 3, COLOUR_UNIT = 4, MOST_LIGHT_SAMPLES = 1 << 24 };
@@ -119,6 +120,7 @@ void geomipmap_shading_finish(struct geomipmap_shading *shading)
     free(shading->need_of);
     free(shading->needs);
     free(shading->starts);
+    free(shading->ordered);
     free(shading->ranges);
     free(shading->coming);
     *shading = (struct geomipmap_shading){0};
@@ -130,7 +132,8 @@ size_t geomipmap_shading_bytes(const struct geomipmap_shading *shading)
     for (int level = 0; level < shading->light_picture.levels; level++)
         bytes += (size_t)shading->light_picture.level[level].width *
                  (size_t)shading->light_picture.level[level].height;
-    return bytes + blocks * (sizeof *shading->need_of + sizeof *shading->needs + sizeof *shading->starts);
+    return bytes + (size_t)shading->ordered_room * sizeof *shading->ordered +
+           blocks * (sizeof *shading->need_of + sizeof *shading->needs + sizeof *shading->starts);
 }
 
 void geomipmap_shading_use_program(struct geomipmap_shading *shading, GLuint program)
@@ -167,7 +170,17 @@ static void need_block(struct geomipmap_shading *shading, const struct geomipmap
     if (pick->seen) need->depth_m = fmin(need->depth_m, (double)pick->depth_m);
 }
 
-// Counts picks by block and deals them out again; the list that selecting used takes them.
+static bool reserve_ordered(struct geomipmap_shading *shading, int room)
+{
+    if (shading->ordered_room >= room) return true;
+    struct geomipmap_pick *ordered = realloc(shading->ordered, (size_t)room * sizeof *ordered);
+    if (!ordered) return fail("geomipmap: no memory to put %d tiles in order", room);
+    shading->ordered = ordered;
+    shading->ordered_room = room;
+    return true;
+}
+
+// Counts picks by block and deals them out again.
 static void order_by_block(struct geomipmap_shading *shading, struct geomipmap_selection *selection,
                            int first, int end)
 {
@@ -182,21 +195,21 @@ static void order_by_block(struct geomipmap_shading *shading, struct geomipmap_s
     }
     for (int i = first; i < end; i++) {
         int n = shading->need_of[geomipmap_shading_block(shading, selection->picks[i].place)];
-        selection->list[starts[n]++] = selection->picks[i];
+        shading->ordered[starts[n]++] = selection->picks[i];
     }
+    memcpy(selection->picks + first, shading->ordered + first,
+           (size_t)(end - first) * sizeof *selection->picks);
 }
 
-void geomipmap_shading_add(struct geomipmap_shading *shading, struct geomipmap_selection *selection,
+bool geomipmap_shading_add(struct geomipmap_shading *shading, struct geomipmap_selection *selection,
                            int drawn, double pixels_per_tangent)
 {
+    if (!reserve_ordered(shading, selection->room)) return false;
     for (int i = 0; i < drawn; i++) need_block(shading, &selection->picks[i]);
     order_by_block(shading, selection, 0, selection->seen);
     order_by_block(shading, selection, selection->seen, drawn);
-    for (int i = drawn; i < selection->count; i++) selection->list[i] = selection->picks[i];
-    struct geomipmap_pick *ordered = selection->list;
-    selection->list = selection->picks;
-    selection->picks = ordered;
     shading->pixels_per_tangent = fmax(shading->pixels_per_tangent, pixels_per_tangent);
+    return true;
 }
 
 bool geomipmap_shading_end(struct geomipmap_shading *shading)

@@ -27,6 +27,8 @@ struct geomipmap_shading {
     struct geomipmap_need *needs;
     int need_count;
     int *starts;                    // by need, while ordering
+    struct geomipmap_pick *ordered; // likewise
+    int ordered_room;
     struct geomipmap_range *ranges; // by block
     struct geomipmap_need *coming;  // blocks of the view foreseen
     double pixels_per_tangent;
@@ -44,9 +46,9 @@ void geomipmap_shading_use_program(struct geomipmap_shading *shading, GLuint pro
 int geomipmap_shading_block(const struct geomipmap_shading *shading, struct geomipmap_place place);
 
 // A frame: begin; each view's selection, the first `drawn` of whose picks are put in order of blocks, the
-// block of the first pick first; end.
+// block of the first pick first; end.  False after one line on stderr.
 void geomipmap_shading_begin(struct geomipmap_shading *shading);
-void geomipmap_shading_add(struct geomipmap_shading *shading, struct geomipmap_selection *selection,
+bool geomipmap_shading_add(struct geomipmap_shading *shading, struct geomipmap_selection *selection,
                            int drawn, double pixels_per_tangent);
 bool geomipmap_shading_end(struct geomipmap_shading *shading);
 

@@ -7,6 +7,7 @@
 #include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>
+#include <string.h>
 
 enum {
     MAX_SIDE = 1 << 27,   // tiles of height 0 along a side: a name has 28 bits for each
@@ -224,10 +225,18 @@ static void strip_lane(struct strip *strip, const struct geomipmap_tiles *tiles,
     if (tiles->filtered) leave_out_beyond(strip, tiles, lane);
 }
 
-static void measure_group(const struct geomipmap_tiles *tiles, struct strip *strip, int column, int row,
-                          struct geomipmap_facts *facts)
+// What is kept of the errors of one tile of a group.
+static float *errors_of(const struct geomipmap_tiles *tiles, int slot, int lane)
 {
+    return tiles->errors + ((size_t)slot * GEOMIPMAP_LANES + (size_t)lane) * (size_t)tiles->levels;
+}
+
+static void measure_group(const struct geomipmap_tiles *tiles, struct strip *strip, int column, int row,
+                          int slot)
+{
+    struct geomipmap_facts *facts = &tiles->facts[slot];
     double spans[GEOMIPMAP_LANES];
+    float errors[GEOMIPMAP_LANES][GEOMIPMAP_MAX_LEVELS];
     const struct geomipmap_heights heights = {strip->lanes,      tiles->filtered ? strip->drawn : NULL,
                                               strip->corner_low, strip->corner_high,
                                               strip->low,        strip->high};
@@ -239,7 +248,9 @@ static void measure_group(const struct geomipmap_tiles *tiles, struct strip *str
         facts->range[lane] = strip->range[lane];
         spans[lane] = (double)strip->range[lane].high - strip->range[lane].low;
     }
-    geomipmap_plan_measure(&tiles->plans[strip->height], tiles->delta, &heights, spans, facts->error);
+    geomipmap_plan_measure(&tiles->plans[strip->height], tiles->delta, &heights, spans, errors);
+    for (int lane = 0; lane < GEOMIPMAP_LANES; lane++)
+        memcpy(errors_of(tiles, slot, lane), errors[lane], (size_t)tiles->levels * sizeof(float));
     facts->known = UINT8_MAX;
 }
 
@@ -267,7 +278,7 @@ static void measure_block(int block, void *user)
                 break;
             }
         }
-        measure_group(tiles, &strip, column * ACROSS, row * UP, &tiles->facts[slot]);
+        measure_group(tiles, &strip, column * ACROSS, row * UP, slot);
     }
     strip_finish(&strip);
 }
@@ -360,9 +371,11 @@ static bool reserve(struct geomipmap_tiles *tiles)
     size_t room = (size_t)tiles->groups.slot_room;
     struct geomipmap_facts *facts = realloc(tiles->facts, room * sizeof *facts);
     if (facts) tiles->facts = facts;
+    float *errors = realloc(tiles->errors, room * GEOMIPMAP_LANES * (size_t)tiles->levels * sizeof *errors);
+    if (errors) tiles->errors = errors;
     int *asked = realloc(tiles->asked, room * sizeof *asked);
     if (asked) tiles->asked = asked;
-    if (!facts || !asked) return false;
+    if (!facts || !errors || !asked) return false;
     tiles->room = (int)room;
     return true;
 }
@@ -370,7 +383,10 @@ static bool reserve(struct geomipmap_tiles *tiles)
 void geomipmap_tiles_begin(struct geomipmap_tiles *tiles)
 {
     int from, to;
-    if (geomipmap_cache_begin_frame(&tiles->groups, &from, &to)) tiles->facts[to] = tiles->facts[from];
+    if (!geomipmap_cache_begin_frame(&tiles->groups, &from, &to)) return;
+    tiles->facts[to] = tiles->facts[from];
+    memcpy(errors_of(tiles, to, 0), errors_of(tiles, from, 0),
+           GEOMIPMAP_LANES * (size_t)tiles->levels * sizeof(float));
 }
 
 bool geomipmap_tiles_know(struct geomipmap_tiles *tiles, struct geomipmap_place place,
@@ -388,11 +404,11 @@ bool geomipmap_tiles_know(struct geomipmap_tiles *tiles, struct geomipmap_place 
     if (found == GEOMIPMAP_MISS && place.height <= tiles->merge) tiles->asked[tiles->asked_count++] = slot;
     if (!(facts->known >> lane & 1) && place.height > tiles->merge) {
         facts->range[lane] = geomipmap_tiles_bounds(tiles, place);
-        if (place.height <= tiles->drawn) bound_errors(tiles, place, facts->error[lane]);
+        if (place.height <= tiles->drawn) bound_errors(tiles, place, errors_of(tiles, slot, lane));
         facts->known |= (uint8_t)(1 << lane);
     }
     *range = facts->range[lane];
-    *error = facts->error[lane];
+    *error = errors_of(tiles, slot, lane);
     return facts->known >> lane & 1;
 }
 
@@ -485,6 +501,7 @@ void geomipmap_tiles_finish(struct geomipmap_tiles *tiles)
         geomipmap_plan_finish(&tiles->plans[height]);
     geomipmap_cache_finish(&tiles->groups);
     free(tiles->facts);
+    free(tiles->errors);
     free(tiles->asked);
     *tiles = (struct geomipmap_tiles){0};
 }
@@ -549,7 +566,8 @@ void geomipmap_tiles_read(const struct geomipmap_tiles *tiles, struct terrain_re
 size_t geomipmap_tiles_bytes(const struct geomipmap_tiles *tiles)
 {
     size_t bytes = geomipmap_cache_bytes(&tiles->groups) +
-                   (size_t)tiles->room * (sizeof *tiles->facts + sizeof *tiles->asked);
+                   (size_t)tiles->room * (sizeof *tiles->facts + sizeof *tiles->asked +
+                                          GEOMIPMAP_LANES * (size_t)tiles->levels * sizeof *tiles->errors);
     for (int height = 0; height <= tiles->merge; height++)
         bytes += geomipmap_plan_bytes(&tiles->plans[height]);
     return bytes;

@@ -58,7 +58,6 @@ struct geomipmap_grid { // the tiles of one height
 struct geomipmap_facts { // of a group of tiles
     uint8_t known;       // by tile, a bit each
     struct geomipmap_range range[GEOMIPMAP_LANES];
-    float error[GEOMIPMAP_LANES][GEOMIPMAP_MAX_LEVELS]; // quanta
 };
 
 struct geomipmap_tiles {
@@ -80,8 +79,9 @@ struct geomipmap_tiles {
 
     struct geomipmap_cache groups;
     struct geomipmap_facts *facts; // by slot of the cache
+    float *errors;                 // by slot, tile and level, quanta
     int *asked;                    // slots that wait to be measured
-    int asked_count, room;         // room: of both lists
+    int asked_count, room;         // room: of the three lists
     bool failed;                   // no memory
 };
 
