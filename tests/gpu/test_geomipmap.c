@@ -515,31 +515,28 @@ static bool near_sky(const struct truth *truth, size_t pixel, int reach)
 }
 
 static struct judged judge_frame(struct fixture *f, struct renderer *renderer, const struct terrain *terrain,
-                                 const struct truth_surface *surface, const struct view *view)
+                                 const struct truth *truth, const struct view *view)
 {
-    struct truth truth;
     struct frame_error error;
-    assert_true(truth_init(&truth, WIDTH, HEIGHT) && frame_error_init(&error, WIDTH, HEIGHT));
-    truth_cast(&truth, surface, view, 0);
-    struct places *hits = truth_places(&truth, 0);
+    assert_true(frame_error_init(&error, WIDTH, HEIGHT));
+    struct places *hits = truth_places(truth, 0);
     assert_non_null(hits);
     update(renderer, view, 1);
     draw_hash(f, renderer, terrain, view, 0);
     assert_true(gpu_capture_begin(f->gpu, places_feed, hits));
     geomipmap_renderer.draw(renderer, 0, PASS_DEPTH);
     gpu_capture_end(f->gpu);
-    frame_error_measure(&error, terrain, view, &truth, f->pixels, hits, 0);
+    frame_error_measure(&error, terrain, view, truth, f->pixels, hits, 0);
     struct judged judged = {.ground = error.ground, .misses = error.misses, .spills = error.spills};
     struct renderer_stats stats;
     geomipmap_renderer.stats(renderer, &stats);
     for (size_t p = 0; p < PIXELS; p++)
-        if (error.kind[p] == PIXEL_HOLE && !near_sky(&truth, p, (int)ceil(stats.claimed_error_px) + 1))
+        if (error.kind[p] == PIXEL_HOLE && !near_sky(truth, p, (int)ceil(stats.claimed_error_px) + 1))
             judged.holes++;
     for (size_t p = 0; p < PIXELS; p++)
         if (error.kind[p] == PIXEL_GROUND && error.error_px[p] > (float)judged.worst_px)
             judged.worst_px = (double)error.error_px[p];
     places_destroy(hits);
-    truth_finish(&truth);
     frame_error_finish(&error);
     return judged;
 }
@@ -549,32 +546,34 @@ static void claim_holds_and_nothing_is_left_out(void **state)
     struct fixture *f = *state;
     struct terrain *terrain = test_fractal(&hills, 9);
     struct truth_surface *surface = truth_surface_create(terrain);
-    assert_non_null(surface);
+    struct truth truth;
+    assert_true(surface && truth_init(&truth, WIDTH, HEIGHT));
     static const double taus[] = {0.25, 0.5, 1, 2, 4, 8};
     static const char *const metrics[] = {"safe", "paper", "safe morph=on", "safe heights=samples"};
-    int broken[4] = {0}, frames = 0;
-    uint64_t misses = 0, spills = 0, ground = 0;
-    for (int t = 0; t < 6; t++)
-        for (int m = 0; m < 4; m++) {
-            char settings[64];
-            uint64_t seed = 10;
-            snprintf(settings, sizeof settings, "tau=%g metric=%s", taus[t], metrics[m]);
-            struct renderer *renderer = create(f, terrain, settings);
-            for (int k = 0; k < test_size(8, 80); k++) {
-                struct view view = random_view(terrain, &seed, 2, 3000);
-                struct judged judged = judge_frame(f, renderer, terrain, surface, &view);
-                broken[m] += judged.worst_px > taus[t] + 1e-3; // the floor of the measure
-                assert_int_equal(judged.holes, 0);
-                if (m == 0 && t == 0) {
-                    misses += judged.misses, spills += judged.spills, ground += judged.ground;
-                }
-                frames++;
-            }
-            geomipmap_renderer.destroy(renderer);
+    enum { TAUS = sizeof taus / sizeof taus[0], METRICS = sizeof metrics / sizeof metrics[0] };
+    struct renderer *renderers[TAUS * METRICS];
+    int broken[METRICS] = {0}, frames = 0;
+    uint64_t misses = 0, spills = 0, ground = 0, seed = 10;
+    for (int n = 0; n < TAUS * METRICS; n++) {
+        char settings[64];
+        snprintf(settings, sizeof settings, "tau=%g metric=%s", taus[n / METRICS], metrics[n % METRICS]);
+        renderers[n] = create(f, terrain, settings);
+    }
+    for (int k = 0; k < test_size(8, 80); k++) {
+        struct view view = random_view(terrain, &seed, 2, 3000);
+        truth_cast(&truth, surface, &view, 0);
+        for (int n = 0; n < TAUS * METRICS; n++, frames++) {
+            struct judged judged = judge_frame(f, renderers[n], terrain, &truth, &view);
+            broken[n % METRICS] += judged.worst_px > taus[n / METRICS] + 1e-3; // the floor of the measure
+            assert_int_equal(judged.holes, 0);
+            if (n == 0) misses += judged.misses, spills += judged.spills, ground += judged.ground;
         }
-    FIGURE("%d frames: claim broken in %d by safe, %d by paper, %d by safe with morphing; at tau 0.25 %.4f "
-           "%% misses, %.4f %% spills",
-           frames, broken[0], broken[1], broken[2], 100.0 * (double)misses / (double)ground,
+    }
+    for (int n = 0; n < TAUS * METRICS; n++) geomipmap_renderer.destroy(renderers[n]);
+    FIGURE("%d frames: claim broken in %d by safe, %d by paper, %d by safe with morphing, %d by safe with "
+           "samples; "
+           "at tau 0.25 %.4f %% misses, %.4f %% spills",
+           frames, broken[0], broken[1], broken[2], broken[3], 100.0 * (double)misses / (double)ground,
            100.0 * (double)spills / (double)ground);
     assert_int_equal(broken[0], 0);
     assert_true(broken[1] > 0);
@@ -582,6 +581,7 @@ static void claim_holds_and_nothing_is_left_out(void **state)
     assert_int_equal(broken[3], 0);
     assert_true((double)misses <= 0.0005 * (double)ground);
     assert_true((double)spills <= 0.0005 * (double)ground);
+    truth_finish(&truth);
     truth_surface_destroy(surface);
     terrain_destroy(terrain);
 }
@@ -596,11 +596,14 @@ static void flat_ground_is_exact_and_cheap(void **state)
         map.offset_m = heights[h];
         struct terrain *terrain = test_fractal(&map, 1);
         struct truth_surface *surface = truth_surface_create(terrain);
+        struct truth truth;
+        assert_true(surface && truth_init(&truth, WIDTH, HEIGHT));
         struct renderer *renderer = create(f, terrain, "tau=0");
         uint64_t seed = 11;
         for (int k = 0; k < 5; k++) {
             struct view view = random_view(terrain, &seed, 2, 3000);
-            struct judged judged = judge_frame(f, renderer, terrain, surface, &view);
+            truth_cast(&truth, surface, &view, 0);
+            struct judged judged = judge_frame(f, renderer, terrain, &truth, &view);
             assert_true(judged.worst_px <= 1e-3);
             assert_int_equal(judged.holes, 0);
             // 4 x 3 tiles of 128 cells cover the map; each has 2 x 2 cells, and 14 vertices more on a side
@@ -613,6 +616,7 @@ static void flat_ground_is_exact_and_cheap(void **state)
             free(mesh.vertices);
         }
         geomipmap_renderer.destroy(renderer);
+        truth_finish(&truth);
         truth_surface_destroy(surface);
         terrain_destroy(terrain);
     }
