@@ -282,6 +282,12 @@ static bool measure_base(struct paged *p)
     return true;
 }
 
+// Whether the file tells the rms errors: from level 0, so not where that is not the finest.
+static bool knows_rms(const struct paged *p)
+{
+    return p->finest == 0 && p->grid->count > 1 && relief_level_rms(p->relief, 1) >= 0;
+}
+
 static bool measure_errors(struct paged *p)
 {
     for (int l = 1; l <= p->coarsest && has_tiles(p, l); l++) {
@@ -292,8 +298,14 @@ static bool measure_errors(struct paged *p)
         }
         paged_map(p, l)->max_error_q = ldexp(most, p->bits);
     }
+    if (!measure_base(p)) return false;
+    if (knows_rms(p)) {
+        for (int l = 1; l <= p->coarsest; l++)
+            paged_map(p, l)->rms_error_q = ldexp(relief_level_rms(p->relief, l), p->bits);
+        return true;
+    }
     double most_of_zero_q;
-    if (!measure_base(p) || !estimate_errors(p, &most_of_zero_q)) return false;
+    if (!estimate_errors(p, &most_of_zero_q)) return false;
     for (int l = 1; l <= p->coarsest; l++) paged_map(p, l)->max_error_q += most_of_zero_q;
     return true;
 }
@@ -482,7 +494,7 @@ struct terrain_level paged_level(const struct paged *p, int level)
         .max_q = map->max_q,
         .rms_error_m = map->rms_error_q * quantum_m,
         .max_error_m = map->max_error_q * quantum_m,
-        .rms_estimated = level > p->finest && window_count(p, p->finest) > WINDOWS,
+        .rms_estimated = level > p->finest && !knows_rms(p) && window_count(p, p->finest) > WINDOWS,
         .noise_q = map->sigma_q};
 }
 

@@ -71,7 +71,8 @@ struct terrain_level {
     int32_t min_q, max_q;
     double rms_error_m,
         max_error_m;    // PL(this level) - PL(finest level) at the finest samples; 0 at the finest
-    bool rms_estimated; // read on demand, of a large map: rms_error_m is that of a few blocks spread over it
+    bool rms_estimated; // rms_error_m is that of a few blocks spread over a large map on disk: its file does
+                        // not tell it, or finer levels are made up
     double noise_q;     // standard deviation of the noise of a synthesised level, quanta; 0 for the others
 };
 

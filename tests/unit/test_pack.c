@@ -94,6 +94,8 @@ static void test_regions_give_what_the_whole_gives(void **state)
         assert_true(ha->rms_m == hb->rms_m && ha->max_m == hb->max_m);
         assert_true(ha->min_q == hb->min_q && ha->max_q == hb->max_q);
         const struct grid *grid = relief_grid(a);
+        for (int l = 1; l < grid->count; l++) // sums of integers
+            assert_true(relief_level_rms(a, l) > 0 && relief_level_rms(a, l) == relief_level_rms(b, l));
         for (int64_t i = 0; i < grid->tile_count; i++) {
             const struct relief_tile_side sa = relief_side(a, i), sb = relief_side(b, i);
             assert_int_equal(sa.bytes, sb.bytes);

@@ -4,6 +4,7 @@
 #include "common/report.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
@@ -15,6 +16,7 @@ struct assembly {
     uint64_t payload_bytes;
     int64_t low;
     uint32_t *errors; // of the tiles of levels above the first stage; NULL without stages
+    squares_wide squares[LAYOUT_LEVELS];
 };
 
 static void put_base(const struct pack *p, struct relief_bytes *to)
@@ -71,6 +73,11 @@ static bool put_top(struct assembly *a, int level)
     return true;
 }
 
+static size_t squares_bytes(const struct pack *p) // of all levels, kept beside the tiles of level 0
+{
+    return (size_t)p->coder.grid.count * sizeof(squares_wide);
+}
+
 struct kept {          // a region in the file of tiles
     struct rect tiles; // of the level at hand
     struct tile_entry *entries;
@@ -96,7 +103,7 @@ static bool kept_read(struct pack *p, const struct stage *stage, int number, int
     region_plan(r, &p->coder, stage->fine, stage->coarse, &core, true);
     size_t before = 0, all = entries_of(r, level, &before),
            own = pack_tile_count(&r->level[level].core_tiles);
-    size_t beyond = stage->fine == 0 ? region_beyond(r) * sizeof(uint32_t) : 0;
+    size_t beyond = stage->fine == 0 ? squares_bytes(p) + region_beyond(r) * sizeof(uint32_t) : 0;
     kept->tiles = r->level[level].core_tiles;
     free(r);
     struct tile_entry *entries = malloc((all + 1) * sizeof *entries);
@@ -154,7 +161,7 @@ static bool put_region_row(struct assembly *a, const struct stage *stage, int le
     return good;
 }
 
-// The errors of tiles above the first stage, from what the regions of level 0 saw.
+// The errors of tiles above the first stage, and of whole levels, from what the regions of level 0 saw.
 static bool gather_errors(struct assembly *a)
 {
     struct pack *p = a->p;
@@ -170,9 +177,13 @@ static bool gather_errors(struct assembly *a)
         size_t before = 0, skipped = entries_of(r, 0, &before) * sizeof(struct tile_entry);
         size_t beyond_count = region_beyond(r);
         uint32_t *beyond = malloc((beyond_count + 1) * sizeof *beyond), *next = beyond;
-        good = beyond ? store_read_tiles(&p->store, beyond, beyond_count * sizeof *beyond,
-                                         stage->regions[i].offset + skipped)
+        squares_wide squares[LAYOUT_LEVELS];
+        uint64_t offset = stage->regions[i].offset + skipped;
+        good = beyond ? store_read_tiles(&p->store, squares, squares_bytes(p), offset) &&
+                            store_read_tiles(&p->store, beyond, beyond_count * sizeof *beyond,
+                                             offset + squares_bytes(p))
                       : pack_out_of_memory(p);
+        for (int l = 1; good && l < grid->count; l++) a->squares[l] += squares[l];
         for (int l = stage->coarse; good && l < grid->count - 1; l++) {
             struct rect tiles = region_tiles_above(r, l);
             for (int64_t y = tiles.y0; y < tiles.y1; y++)
@@ -191,6 +202,7 @@ static bool put_payload(struct assembly *a)
 {
     struct pack *p = a->p;
     if (p->stage_count > 0 && !gather_errors(a)) return false;
+    if (p->stage_count == 0) memcpy(a->squares, p->top.squares, sizeof a->squares);
     for (int l = p->top.coarse - 1; l >= p->top.fine; l--)
         if (!put_top(a, l)) return false;
     for (int l = p->top.fine - 1; l >= 0; l--) {
@@ -201,10 +213,18 @@ static bool put_payload(struct assembly *a)
     return true;
 }
 
+static void put_level_errors(struct assembly *a)
+{
+    const struct region_sums *sums = &a->p->sums;
+    for (int l = 1; l < a->p->coder.grid.count; l++)
+        relief_put_double(&a->side, ldexp(sqrt((double)a->squares[l] / (double)sums->samples), -l));
+}
+
 static bool put_sections(struct assembly *a, struct relief_header *h)
 {
     struct relief_bytes base = {0};
     put_base(a->p, &base);
+    put_level_errors(a);
     const struct relief_bytes *const parts[3] = {&base, &a->index, &a->side};
     bool good = !base.full && !a->index.full && !a->side.full;
     h->payload_bytes = a->payload_bytes;

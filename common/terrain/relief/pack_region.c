@@ -386,13 +386,20 @@ int32_t region_quanta(int32_t value, int fraction_bits)
     return q > QUANTA_LIMIT ? QUANTA_LIMIT : q < -QUANTA_LIMIT ? -QUANTA_LIMIT : q;
 }
 
+// The region's own samples of level 0, without a planet's margin.
+static struct rect own_samples(const struct region *r)
+{
+    const struct rect *core = &r->level[0].core;
+    const int64_t *size = r->coder->grid.size[0], margin = r->coder->poles.margin;
+    return (struct rect){larger(core->x0, margin), larger(core->y0, margin),
+                         smaller(core->x1, size[0] - margin), smaller(core->y1, size[1] - margin)};
+}
+
 void region_measure(const struct region *r, struct region_sums *sums)
 {
     const struct region_level *at = &r->level[0];
-    const int64_t *size = r->coder->grid.size[0], margin = r->coder->poles.margin;
     int bits = r->coder->fraction_bits;
-    const struct rect core = {larger(at->core.x0, margin), larger(at->core.y0, margin),
-                              smaller(at->core.x1, size[0] - margin), smaller(at->core.y1, size[1] - margin)};
+    const struct rect core = own_samples(r);
     if (core.x1 <= core.x0 || core.y1 <= core.y0) return;
     for (int64_t y = core.y0; y < core.y1; y++) {
         const int32_t *got = patch_at(&at->decoded, core.x0, y), *pole = pole_at(r->coder, 0, y);
@@ -456,8 +463,9 @@ static bool surface_init(struct surface *s, struct region *r, int level, const s
     s->at.samples = malloc((size_t)(rect_width(&s->at.rect) * rect_height(&s->at.rect)) * sizeof(int32_t));
     int32_t *room = malloc((size_t)(rect_width(&known) * rect_height(&known) + 1) * sizeof *room);
     struct patch read = {known, room};
-    bool good = s->at.samples && room && (level < r->coarse || reader->read(reader->user, level, &read));
-    const struct patch *from = level < r->coarse ? &r->level[level].decoded : &read;
+    bool here = level < r->coarse || !reader->read;
+    bool good = s->at.samples && room && (here || reader->read(reader->user, level, &read));
+    const struct patch *from = here ? &r->level[level].decoded : &read;
     for (int64_t y = known.y0; good && y < known.y1; y++)
         for (int64_t x = known.x0; x < known.x1; x++)
             *patch_at(&s->at, x, y) = region_quanta(*patch_at(from, x, y), r->coder->fraction_bits);
@@ -566,6 +574,75 @@ size_t region_beyond(const struct region *region)
     return count;
 }
 
+enum { REFERENCE = 3 }; // levels up to this are compared with level 0 sample by sample (pack_squares.h)
+
+// Squares of what a surface differs from level 0 over row j of its cells; with `cells` also the sums of the
+// two triangles of each, under the diagonal and over it.
+static squares_wide sum_cells(const struct surface *s, const struct region *r, int64_t j,
+                              struct triangle_sums (*cells)[2])
+{
+    const struct rect own = own_samples(r);
+    int64_t cell = (int64_t)1 << s->level;
+    squares_wide squares = 0;
+    if (cells) memset(cells, 0, (size_t)rect_width(&s->cells) * sizeof *cells);
+    for (int64_t y = larger(j * cell, own.y0); y < smaller((j + 1) * cell, own.y1); y++) {
+        int64_t v = y - j * cell;
+        const int32_t *south = patch_at(&s->at, s->cells.x0, j);
+        const int32_t *north = v ? south + rect_width(&s->at.rect) : south;
+        for (int64_t i = 0; i < rect_width(&s->cells); i++) {
+            int64_t sw = south[i], se = south[i + 1], nw = north[i], ne = north[i + 1];
+            int64_t x = (s->cells.x0 + i) * cell, from = larger(own.x0 - x, 0),
+                    to = smaller(own.x1 - x, cell);
+            const struct triangle_line under = {sw * cell + v * (ne - se), se - sw, v, larger(v, from), to};
+            const struct triangle_line over = {sw * cell + v * (nw - sw), ne - nw, v, from, smaller(v, to)};
+            const int32_t *fine = patch_at(&r->level[0].decoded, x, y);
+            squares += triangle_line_squares(&under, cell, fine) + triangle_line_squares(&over, cell, fine);
+            if (cells) triangle_add_line(&cells[i][0], &under, cell, fine);
+            if (cells) triangle_add_line(&cells[i][1], &over, cell, fine);
+        }
+    }
+    return squares;
+}
+
+// The same of a level above, from the sums over the cells of the reference level.
+static squares_wide row_squares(const struct surface *s, const struct surface *reference, int64_t j,
+                                struct triangle_sums (*cells)[2])
+{
+    int up = s->level - reference->level, shift = reference->level;
+    squares_wide squares = 0;
+    for (int64_t i = 0; i < rect_width(&reference->cells); i++) {
+        int64_t corner[4]; // what the surfaces differ there: south-west, south-east, north-west, north-east
+        for (int k = 0; k < 4; k++) {
+            int64_t x = reference->cells.x0 + i + (k & 1), y = j + (k >> 1);
+            corner[k] = height_at(s, up, x, y) - *patch_at(&reference->at, x, y) * ((int64_t)1 << up);
+        }
+        int64_t middle = corner[0] * ((int64_t)1 << shift);
+        const int64_t planes[2][3] = {{middle, corner[1] - corner[0], corner[3] - corner[1]},
+                                      {middle, corner[3] - corner[2], corner[2] - corner[0]}};
+        for (int t = 0; t < 2; t++) squares += triangle_squares(&cells[i][t], planes[t], up);
+    }
+    return squares;
+}
+
+static bool measure_squares(struct region *r, const struct region_reader *reader)
+{
+    int count = r->coder->grid.count, lowest = r->coarse < REFERENCE ? r->coarse : REFERENCE;
+    struct surface surfaces[LAYOUT_LEVELS] = {{0}};
+    bool good = true;
+    for (int l = 1; l < count && good; l++) good = surface_init(&surfaces[l], r, l, reader);
+    const struct rect *widest = &surfaces[1].cells;
+    struct triangle_sums(*cells)[2] = good ? malloc((size_t)(rect_width(widest) + 1) * sizeof *cells) : NULL;
+    for (int l = 1; l <= lowest && cells; l++)
+        for (int64_t j = surfaces[l].cells.y0; j < surfaces[l].cells.y1; j++) {
+            r->squares[l] += sum_cells(&surfaces[l], r, j, l == lowest ? cells : NULL);
+            for (int above = lowest + 1; l == lowest && above < count; above++)
+                r->squares[above] += row_squares(&surfaces[above], &surfaces[l], j, cells);
+        }
+    for (int l = 1; l < count; l++) free(surfaces[l].at.samples);
+    free(cells);
+    return cells != NULL;
+}
+
 struct measuring { // levels of a region are measured side by side
     struct region *region;
     const struct region_reader *reader;
@@ -619,6 +696,6 @@ bool region_errors(struct region *r, const struct region_reader *reader, uint32_
         finest->samples[i] = region_quanta(finest->samples[i], r->coder->fraction_bits);
     flatten_poles(r->coder, 0, 0, finest);
     parallel_blocks(r->coarse - 1, r->threads, measure_level, &m);
-    if (m.failed) return false;
+    if (m.failed || !measure_squares(r, reader)) return false;
     return r->coarse >= r->coder->grid.count - 1 || measure_beyond(r, reader, beyond);
 }

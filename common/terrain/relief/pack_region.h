@@ -5,6 +5,7 @@
 #define COMMON_TERRAIN_RELIEF_PACK_REGION_H
 
 #include "common/terrain/relief/pack_method.h"
+#include "common/terrain/relief/pack_squares.h"
 
 #include <stddef.h>
 
@@ -49,6 +50,7 @@ struct region {
     const struct pack_coder *coder;
     int fine, coarse; // levels fine..coarse-1 are coded
     struct region_level level[LAYOUT_LEVELS];
+    squares_wide squares[LAYOUT_LEVELS]; // region_errors
     int threads;
     bool failed; // memory ran out
 };
@@ -75,9 +77,8 @@ int32_t region_quanta(int32_t value, int fraction_bits); // of internal units, l
 int64_t region_pole_row(const struct pack_coder *coder, int level, int end);
 
 // What decoding gives against what was wanted, over the core of level 0 without a planet's margin.
-__extension__ typedef unsigned __int128 region_wide;
 struct region_sums {
-    region_wide squares;
+    squares_wide squares;
     int64_t samples, most;
     int32_t min_q, max_q;
 };
@@ -87,7 +88,9 @@ void region_measure(const struct region *region, struct region_sums *sums); // a
 // up. Levels below `coarse` are exact and go to `packed`.  For coarser ones the cells of `coarse` are gone
 // through: |their surface - that of `coarse`| + |that of `coarse` - level 0|, never too small; `beyond`
 // receives them for the tiles under the core, level by level from `coarse`, row by row.  `read` gives decoded
-// samples, internal units, of levels from `coarse`.  False when memory runs out.
+// samples, internal units, of levels from `coarse` (NULL: the region has them).  region->squares receives the
+// squares of each level's differences at the samples that region_measure counts, in (quanta / 2^level)^2.
+// False when memory runs out.
 struct region_reader {
     bool (*read)(void *user, int level, const struct patch *to);
     void *user;

@@ -179,7 +179,8 @@ static bool reduce_and_keep(struct pack *p, const struct region *r, struct store
            store_note(&p->store, record);
 }
 
-// Entries of the tiles, level by level from the finest; `beyond`; then the tiles' bytes in the same order.
+// Entries of the tiles, level by level from the finest; at level 0 the squares and `beyond`; then the tiles'
+// bytes in the same order.
 static bool keep_region(struct pack *p, const struct region *r, const uint32_t *beyond, size_t beyond_count,
                         struct store_record *record)
 {
@@ -190,6 +191,7 @@ static bool keep_region(struct pack *p, const struct region *r, const uint32_t *
             const struct tile_entry entry = {tile->bytes, tile->error_q, tile->min_q, tile->max_q};
             relief_put(&all, &entry, sizeof entry);
         }
+    if (r->fine == 0) relief_put(&all, r->squares, (size_t)r->coder->grid.count * sizeof *r->squares);
     relief_put(&all, beyond, beyond_count * sizeof *beyond);
     for (int l = r->fine; l < r->coarse; l++)
         for (size_t i = 0; i < pack_tile_count(&r->level[l].core_tiles); i++)
@@ -225,7 +227,7 @@ void pack_take_coded(struct pack *p, const struct store_record *record)
     stage->regions[record->region].offset = record->offset;
     stage->regions[record->region].bytes = record->bytes;
     if (record->stage > 0) return;
-    p->sums.squares += (region_wide)record->squares[1] << 64 | record->squares[0];
+    p->sums.squares += (squares_wide)record->squares[1] << 64 | record->squares[0];
     p->sums.samples += record->samples;
     if (record->most > p->sums.most) p->sums.most = record->most;
     if (record->min_q < p->sums.min_q) p->sums.min_q = record->min_q;

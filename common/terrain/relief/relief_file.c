@@ -6,6 +6,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
@@ -34,6 +35,7 @@ struct relief {
     int32_t step[LAYOUT_LEVELS][CODER_BANDS]; // of the base: [count - 1][0]
     int32_t base[LAYOUT_BASE * LAYOUT_BASE];  // internal units
     int32_t poles[LAYOUT_LEVELS][2];          // of a planet
+    double rms_q[LAYOUT_LEVELS];
     struct tile_table tiles;
     atomic_bool told; // that a tile is harmed: once is enough, whatever number of threads meet it
 };
@@ -144,6 +146,16 @@ static bool next_side(const struct relief *r, struct relief_reader *reader, int6
     return true;
 }
 
+static bool parse_level_errors(struct relief *r, struct relief_reader *reader)
+{
+    bool known = reader->at < reader->end;
+    for (int l = 1; l < r->grid.count; l++) {
+        r->rms_q[l] = known ? relief_get_double(reader) : -1;
+        if (known && (!(r->rms_q[l] >= 0) || !isfinite(r->rms_q[l]))) return false;
+    }
+    return !reader->bad && reader->at == reader->end;
+}
+
 static bool parse_side(struct relief *r, const uint8_t *data)
 {
     struct relief_reader reader = {data, data + r->header.side_bytes, false};
@@ -156,7 +168,7 @@ static bool parse_side(struct relief *r, const uint8_t *data)
         least = tile.min_q < least ? tile.min_q : least;
         most = tile.max_q > most ? tile.max_q : most;
     }
-    if (reader.bad || reader.at != reader.end) return false;
+    if (reader.bad || !parse_level_errors(r, &reader)) return false;
     table->low = least;
     while (r->grid.tile_count && (most - least + (1 << table->shift) - 1) >> table->shift > UINT16_MAX)
         table->shift++;
@@ -281,6 +293,11 @@ void relief_bounds(const struct relief *relief, int64_t number, int32_t *min_q, 
 uint32_t relief_tile_error(const struct relief *relief, int64_t number)
 {
     return relief_error_of(relief->tiles.error_code[number]);
+}
+
+double relief_level_rms(const struct relief *relief, int level)
+{
+    return relief->rms_q[level];
 }
 
 size_t relief_resident_bytes(const struct relief *relief)

@@ -45,6 +45,9 @@ struct relief_tile_side relief_side(const struct relief *relief, int64_t number)
 void relief_bounds(const struct relief *relief, int64_t number, int32_t *min_q, int32_t *max_q);
 uint32_t relief_tile_error(const struct relief *relief, int64_t number);
 
+// rms of a level's surface less level 0, in quanta; negative when the file does not know (version 2).
+double relief_level_rms(const struct relief *relief, int level);
+
 size_t relief_resident_bytes(const struct relief *relief);
 
 // Samples of `level`, row 0 south, in quanta: the same whatever window they are read in.  The window lies

@@ -125,10 +125,13 @@ const char *relief_header_read(struct relief_header *h, const uint8_t b[RELIEF_H
     const int64_t most = (int64_t)1 << 32; // samples along an axis
     memset(h, 0, sizeof *h);
     if (memcmp(b, MAGIC, sizeof MAGIC) != 0) return "does not begin as a .relief file does";
-    if (get_u64(b + 8, 4) != RELIEF_VERSION_NUMBER) return "is of another version; version 2 is accepted";
+    uint64_t version = get_u64(b + 8, 4);
+    if (version != 2 && version != RELIEF_VERSION_NUMBER)
+        return "is of another version; versions 2 and 3 are accepted";
     if (get_u64(b + RELIEF_HEADER - 4, 4) != relief_crc(b, RELIEF_HEADER - 4))
         return "has a header that does not match its checksum";
     if (get_u64(b + 12, 4) >= LAYOUTS) return "is of a codec that is not known";
+    h->version = (int)version;
     h->layout = (enum layout)get_u64(b + 12, 4);
     if (get_u64(b + 232, 4) != tables_crc(h->layout))
         return "was coded with other tables than this program has; pack it again";
@@ -191,6 +194,13 @@ void relief_put_difference(struct relief_bytes *bytes, int64_t difference)
     relief_put_varint(bytes, (uint64_t)difference << 1 ^ (difference < 0 ? UINT64_MAX : 0));
 }
 
+void relief_put_double(struct relief_bytes *bytes, double value)
+{
+    uint8_t coded[8];
+    put_double(coded, value);
+    relief_put(bytes, coded, sizeof coded);
+}
+
 uint64_t relief_get_varint(struct relief_reader *reader)
 {
     uint64_t value = 0;
@@ -217,6 +227,16 @@ uint32_t relief_get_u32(struct relief_reader *reader)
     }
     reader->at += 4;
     return (uint32_t)get_u64(reader->at - 4, 4);
+}
+
+double relief_get_double(struct relief_reader *reader)
+{
+    if (reader->end - reader->at < 8) {
+        reader->bad = true;
+        return 0;
+    }
+    reader->at += 8;
+    return get_double(reader->at - 8);
 }
 
 // ---- errors as bytes -------------------------------------------------------

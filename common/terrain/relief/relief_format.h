@@ -1,4 +1,4 @@
-// The bytes of a .relief file, version 2.  Little-endian throughout:
+// The bytes of a .relief file, version 3.  Little-endian throughout:
 //
 //   header   256 bytes, ends with its CRC-32
 //   payload  tiles, coarsest level first, row by row northwards (coder.h)
@@ -9,7 +9,9 @@
 //   side     of each tile, in the same order: CRC-32 of its bytes if it has any; lowest sample as a
 //   difference from the
 //            tile before, span to the highest, both varints in quanta, shared edges to the north and east
-//            included; one byte for the largest difference of the level's surface from level 0 over the tile
+//            included; one byte for the largest difference of the level's surface from level 0 over the tile;
+//            then, not in version 2, of each level from 1 a double: rms of its surface less level 0, in
+//            quanta, over the samples of level 0 without a planet's margin
 //
 // Base, index and side have a CRC-32 each in the header, which also names the coder's tables by theirs: a
 // file that was coded with others is refused.
@@ -28,9 +30,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { RELIEF_HEADER = 256, RELIEF_VERSION_NUMBER = 2, RELIEF_FRACTION_BITS = 4 };
+enum { RELIEF_HEADER = 256, RELIEF_VERSION_NUMBER = 3, RELIEF_FRACTION_BITS = 4 };
 
 struct relief_header {
+    int version; // that was read; what is written is of RELIEF_VERSION_NUMBER
     enum layout layout;
     int64_t size[2]; // samples of level 0, a planet's margin included
     double spacing_m[2], quantum_m, offset_m;
@@ -73,6 +76,7 @@ struct relief_bytes {
 void relief_put(struct relief_bytes *bytes, const void *data, size_t size);
 void relief_put_varint(struct relief_bytes *bytes, uint64_t value);
 void relief_put_difference(struct relief_bytes *bytes, int64_t difference);
+void relief_put_double(struct relief_bytes *bytes, double value);
 
 // Bytes that are read in order.
 struct relief_reader {
@@ -82,6 +86,7 @@ struct relief_reader {
 uint64_t relief_get_varint(struct relief_reader *reader);
 int64_t relief_get_difference(struct relief_reader *reader);
 uint32_t relief_get_u32(struct relief_reader *reader);
+double relief_get_double(struct relief_reader *reader);
 
 // An error in quanta as one byte, rounded up, and back: exact below 16, then 3 bits of mantissa.
 uint8_t relief_error_code(uint32_t error_q);

@@ -217,7 +217,7 @@ static void print_info_json(const struct relief *relief, double bytes)
     cJSON_AddNumberToObject(root, "max_height_m", h->quantum_m * h->max_q + h->offset_m);
     cJSON_AddNumberToObject(root, "voids_filled", (double)h->voids_filled);
     cJSON_AddNumberToObject(root, "samples", samples);
-    cJSON_AddNumberToObject(root, "format_version", RELIEF_VERSION_NUMBER);
+    cJSON_AddNumberToObject(root, "format_version", h->version);
     cJSON_AddStringToObject(root, "codec", LAYOUT_NAMES[h->layout]);
     cJSON_AddNumberToObject(root, "tiles", (double)grid->tile_count);
     cJSON_AddNumberToObject(root, "file_bytes", bytes);
@@ -233,6 +233,10 @@ static void print_info_json(const struct relief *relief, double bytes)
         cJSON_AddNumberToObject(item, "level", l);
         cJSON_AddNumberToObject(item, "width", (double)size_of(h, l, 0));
         cJSON_AddNumberToObject(item, "height", (double)size_of(h, l, 1));
+        if (relief_level_rms(relief, l) >= 0)
+            cJSON_AddNumberToObject(item, "rms_error_m", relief_level_rms(relief, l) * h->quantum_m);
+        else
+            cJSON_AddNullToObject(item, "rms_error_m"); // the file does not know
         if (l < grid->count - 1)
             cJSON_AddNumberToObject(item, "max_error_m", level_error_m(relief, l));
         else
@@ -262,17 +266,17 @@ static void print_info_text(const struct relief *relief, double bytes)
     printf(
         "format version %d: header %d, %lld tiles %llu, base %llu, index %llu bytes; side section (checksum, "
         "lowest, highest and largest error of each tile) %llu bytes\n",
-        RELIEF_VERSION_NUMBER, RELIEF_HEADER, (long long)grid->tile_count,
-        (unsigned long long)h->payload_bytes, (unsigned long long)h->base_bytes,
-        (unsigned long long)h->index_bytes, (unsigned long long)h->side_bytes);
-    printf("\n level      samples   at most so far from level 0, m\n");
+        h->version, RELIEF_HEADER, (long long)grid->tile_count, (unsigned long long)h->payload_bytes,
+        (unsigned long long)h->base_bytes, (unsigned long long)h->index_bytes,
+        (unsigned long long)h->side_bytes);
+    printf("\n level      samples   from level 0, m: rms    at most\n");
     for (int l = 0; l < levels_of(relief); l++) {
-        char size[48];
+        char size[48], rms[24] = "unknown", most[24] = "(no tiles)";
         snprintf(size, sizeof size, "%lld x %lld", (long long)size_of(h, l, 0), (long long)size_of(h, l, 1));
-        if (l < grid->count - 1)
-            printf("%6d %12s %32.3f\n", l, size, level_error_m(relief, l));
-        else
-            printf("%6d %12s %32s\n", l, size, "(no tiles)");
+        if (relief_level_rms(relief, l) >= 0)
+            snprintf(rms, sizeof rms, "%.3f", relief_level_rms(relief, l) * h->quantum_m);
+        if (l < grid->count - 1) snprintf(most, sizeof most, "%.3f", level_error_m(relief, l));
+        printf("%6d %12s %22s %10s\n", l, size, rms, most);
     }
 }
 
