@@ -1,7 +1,7 @@
 // Livny et al. 2008: grid sizes (Table 1), steps (2), extension (3), distortion (4), screen-space error (5,
 // 6), texture updates (7) and culled samples (section 6.3). SPDX-License-Identifier: MIT
 #include "pgm/pgm.h"
-#include "bench/error/error.h"
+#include "bench/papers/meter.h"
 #include "bench/papers/papers.h"
 #include "common/report.h"
 #include "pgm/pgm_atlas.h"
@@ -200,67 +200,32 @@ bool papers_pgm_extension(struct papers *papers, struct papers_table *table)
 
 // ---- screen-space error ------------------------------------------------------------------------
 
-struct meter { // of one window
-    const struct papers *papers;
-    const struct scene *scene;
-    struct truth_surface *surface;
-    struct truth truth;
-    struct frame_error error;
-    struct gpu_target target;
-    float *positions;
-    double largest, sum;
+struct tally { // over views
+    double largest_px, sum_px;
     uint64_t samples;
 };
 
-static bool meter_init(struct meter *meter, const struct papers *papers, const struct scene *scene, int width,
-                       int height)
+static void gather(const struct frame_error *error, struct tally *tally)
 {
-    *meter = (struct meter){.papers = papers, .scene = scene};
-    meter->surface = truth_surface_create(scene->terrain);
-    meter->positions = malloc((size_t)width * (size_t)height * 4 * sizeof(float));
-    return meter->surface && meter->positions && truth_init(&meter->truth, width, height) &&
-           frame_error_init(&meter->error, width, height) &&
-           gpu_target_init(papers->gpu, &meter->target, width, height, GL_RGBA32F);
-}
-
-static void meter_finish(struct meter *meter)
-{
-    truth_surface_destroy(meter->surface);
-    truth_finish(&meter->truth);
-    frame_error_finish(&meter->error);
-    gpu_target_finish(&meter->target);
-    free(meter->positions);
-}
-
-static void gather(struct meter *meter)
-{
-    const struct frame_error *error = &meter->error;
     for (size_t p = 0; p < (size_t)error->width * (size_t)error->height; p++) {
         if (error->kind[p] != PIXEL_GROUND || isnan(error->error_px[p])) continue;
-        meter->largest = fmax(meter->largest, (double)error->error_px[p]);
-        meter->sum += (double)error->error_px[p];
-        meter->samples++;
+        tally->largest_px = fmax(tally->largest_px, (double)error->error_px[p]);
+        tally->sum_px += (double)error->error_px[p];
+        tally->samples++;
     }
 }
 
-static bool meter_view(struct meter *meter, struct renderer *renderer, const struct view *view)
+static bool measure_view(struct papers_meter *meter, struct renderer *renderer, const struct view *view,
+                         struct tally *tally)
 {
-    struct gpu *gpu = meter->papers->gpu;
     truth_cast(&meter->truth, meter->surface, view, 0);
     struct places *hits = truth_places(&meter->truth, 0);
     if (!hits) return false;
     renderer->type->begin_frame(renderer, 0);
-    bool good = renderer->type->update(renderer, view, 1);
-    gpu_set_view(gpu, meter->scene->terrain, view);
-    gpu_target_begin(gpu, &meter->target);
-    renderer->type->draw(renderer, 0, PASS_POSITION);
-    gpu_target_read(gpu, &meter->target, meter->positions);
-    good = good && gpu_capture_begin(gpu, places_feed, hits);
-    renderer->type->draw(renderer, 0, PASS_POSITION);
-    gpu_capture_end(gpu);
-    frame_error_measure(&meter->error, meter->scene->terrain, view, &meter->truth, meter->positions, hits, 0);
+    bool good = papers_meter_draw(meter, renderer, view, hits);
+    if (good) papers_meter_measure(meter, view, hits);
     places_destroy(hits);
-    gather(meter);
+    if (good) gather(&meter->error, tally);
     return good;
 }
 
@@ -300,21 +265,22 @@ static bool measure_path(struct papers *papers, const struct scene *scene, const
 {
     struct scene sized = *scene;
     sized.width = window_sizes[window][0], sized.height = window_sizes[window][1];
-    struct meter meter;
+    struct papers_meter meter;
+    struct tally tally = {.samples = 0};
     struct renderer *renderer = create_grid(papers, &sized, grid, "stable", "off");
-    bool good = meter_init(&meter, papers, &sized, sized.width, sized.height) && renderer;
+    bool good = papers_meter_init(&meter, papers, &sized) && renderer;
     for (int frame = 0; frame < ERROR_FRAMES && good; frame++) {
         struct view view;
         scene_view(&sized, frame, ERROR_FRAMES, &view);
-        good = meter_view(&meter, renderer, &view);
+        good = measure_view(&meter, renderer, &view, &tally);
     }
     double *cells = values + (ptrdiff_t)4 * window;
     cells[0] = printed->max_px[window];
-    cells[1] = meter.largest;
+    cells[1] = tally.largest_px;
     cells[2] = printed->mean_px[window];
-    cells[3] = meter.samples ? meter.sum / (double)meter.samples : (double)NAN;
+    cells[3] = tally.samples ? tally.sum_px / (double)tally.samples : (double)NAN;
     pgm_renderer.destroy(renderer);
-    meter_finish(&meter);
+    papers_meter_finish(&meter);
     return good;
 }
 
@@ -568,12 +534,12 @@ static void find_region(const struct terrain *terrain, int sign, double middle_m
     }
 }
 
-static bool measure_region(struct meter *meter, struct renderer *renderer, int sign, double angle,
+static bool measure_region(struct papers_meter *meter, struct renderer *renderer, int sign, double angle,
                            double *largest)
 {
     double middle[2] = {0, 0}, highest_m = 0;
     find_region(meter->scene->terrain, sign, middle, &highest_m);
-    meter->largest = 0;
+    struct tally tally = {.samples = 0};
     for (int k = 0; k < 4; k++) {
         struct camera camera = {.eye_m = {middle[0], middle[1], highest_m + 500},
                                 .yaw = 90 * degree * k + 0.3,
@@ -581,9 +547,9 @@ static bool measure_region(struct meter *meter, struct renderer *renderer, int s
                                 .fov_vertical = 60 * degree};
         struct view view;
         view_init(&view, meter->scene->terrain, &camera, meter->error.width, meter->error.height, 0);
-        if (!meter_view(meter, renderer, &view)) return false;
+        if (!measure_view(meter, renderer, &view, &tally)) return false;
     }
-    *largest = meter->largest;
+    *largest = tally.largest_px;
     return true;
 }
 
@@ -595,9 +561,9 @@ bool papers_pgm_angles(struct papers *papers, struct papers_table *table)
     for (int c = 0; c < 4; c++) papers_column(table, c < 2 ? "flat" : "mountainous", "px", c % 2 == 0);
     struct scene *scene = puget_scene(papers, table);
     if (!scene) return table->skipped[0] != 0;
-    struct meter meter;
+    struct papers_meter meter;
     struct renderer *renderer = create_grid(papers, scene, "200x800", "stable", "off");
-    bool good = meter_init(&meter, papers, scene, papers->width, papers->height) && renderer;
+    bool good = papers_meter_init(&meter, papers, scene) && renderer;
     for (int i = 0; i < 10 && good; i++) {
         double angle = 90 - 10 * i, *values = papers_row(table, "%.0f degrees", angle);
         for (int region = 0; region < 2 && good; region++) {
@@ -611,7 +577,7 @@ bool papers_pgm_angles(struct papers *papers, struct papers_table *table)
                 "their lowest and highest sample, 500 m above the highest, four directions each. What is "
                 "seen farther away may be neither.");
     pgm_renderer.destroy(renderer);
-    meter_finish(&meter);
+    papers_meter_finish(&meter);
     scene_destroy(scene);
     return good;
 }

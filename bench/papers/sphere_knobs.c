@@ -1,8 +1,8 @@
 // Clasen & Hege 2006: what keeping transformed vertices gains (section 6.1), and what sizes of height
 // textures and ways of filtering them cost and spoil (sections 4.2 and 5.2). SPDX-License-Identifier: MIT
-#include "bench/error/error.h"
 #include "bench/error/flat.h"
 #include "bench/error/samples.h"
+#include "bench/papers/meter.h"
 #include "bench/papers/papers.h"
 #include "bench/papers/sphere.h"
 #include "clipmap/clipmap.h"
@@ -61,57 +61,9 @@ bool papers_sphere_kept(struct papers *papers, struct papers_table *table)
 
 // ---- textures and filters ----------------------------------------------------
 
-struct meter {
-    const struct papers *papers;
-    const struct scene *scene;
-    struct truth_surface *surface;
-    struct truth truth;
-    struct frame_error error;
-    struct gpu_target target;
-    float *positions;
+struct samples { // over frames
     struct error_samples errors, swims;
 };
-
-static bool meter_init(struct meter *meter, const struct papers *papers, const struct scene *scene)
-{
-    int width = papers->width, height = papers->height;
-    *meter = (struct meter){.papers = papers,
-                            .scene = scene,
-                            .surface = truth_surface_create(scene->terrain),
-                            .positions = malloc((size_t)width * (size_t)height * 4 * sizeof(float))};
-    meter->errors.most = meter->swims.most = 1 << 22;
-    return meter->surface && meter->positions && truth_init(&meter->truth, width, height) &&
-           frame_error_init(&meter->error, width, height) &&
-           gpu_target_init(papers->gpu, &meter->target, width, height, GL_RGBA32F);
-}
-
-static void meter_finish(struct meter *meter)
-{
-    truth_surface_destroy(meter->surface);
-    truth_finish(&meter->truth);
-    frame_error_finish(&meter->error);
-    gpu_target_finish(&meter->target);
-    error_samples_finish(&meter->errors);
-    error_samples_finish(&meter->swims);
-    free(meter->positions);
-}
-
-// Draws a view and hands what was drawn to places.
-static bool draw_into(struct meter *meter, struct renderer *renderer, const struct view *view,
-                      struct places *places)
-{
-    struct gpu *gpu = meter->papers->gpu;
-    struct flat_feeding feeding = {view->radius_m, places};
-    if (!renderer->type->update(renderer, view, 1)) return false;
-    gpu_set_view(gpu, meter->scene->terrain, view);
-    gpu_target_begin(gpu, &meter->target);
-    renderer->type->draw(renderer, 0, PASS_POSITION);
-    gpu_target_read(gpu, &meter->target, meter->positions);
-    if (!gpu_capture_begin(gpu, flat_receive, &feeding)) return false;
-    renderer->type->draw(renderer, 0, PASS_DEPTH);
-    gpu_capture_end(gpu);
-    return true;
-}
 
 // Where hit number k of the view before lies in the flattened coordinates of another.
 static void carry(const struct truth_pixel *pixel, const struct view *from, const struct view *to,
@@ -124,12 +76,12 @@ static void carry(const struct truth_pixel *pixel, const struct view *from, cons
     flat_from_relative(to->radius_m, relative, flat);
 }
 
-static bool add_swims(struct meter *meter, const struct view *before, const struct places *hits,
-                      const struct view *now, const struct places *moved)
+static bool add_swims(const struct truth *truth, const struct view *before, const struct places *hits,
+                      const struct view *now, const struct places *moved, struct error_samples *swims)
 {
     bool good = true;
     for (size_t p = 0, hit = 0; p < (size_t)before->width * (size_t)before->height && good; p++) {
-        const struct truth_pixel *pixel = &meter->truth.pixels[p];
+        const struct truth_pixel *pixel = &truth->pixels[p];
         double flat[3], low[2], high, relative[3], step[3], length_px, rise[2];
         if (!(pixel->depth > 0)) continue;
         size_t k = hit++;
@@ -145,19 +97,19 @@ static bool add_swims(struct meter *meter, const struct view *before, const stru
         for (int axis = 0; axis < 3; axis++) step[axis] *= rise[0] - rise[1];
         if (!view_project_segment(now, relative, step, &length_px)) continue;
         float value = (float)length_px;
-        good = error_samples_add(&meter->swims, &value, 1);
+        good = error_samples_add(swims, &value, 1);
     }
     return good || fail("papers: out of memory");
 }
 
-static struct places *carried_places(const struct meter *meter, const struct view *before,
+static struct places *carried_places(const struct truth *truth, const struct view *before,
                                      const struct view *now)
 {
-    double(*flat)[2] = malloc((size_t)meter->truth.ground * sizeof *flat), at[3];
+    double(*flat)[2] = malloc((size_t)truth->ground * sizeof *flat), at[3];
     size_t count = 0;
     for (size_t p = 0; flat && p < (size_t)before->width * (size_t)before->height; p++) {
-        if (!(meter->truth.pixels[p].depth > 0)) continue;
-        carry(&meter->truth.pixels[p], before, now, at);
+        if (!(truth->pixels[p].depth > 0)) continue;
+        carry(&truth->pixels[p], before, now, at);
         flat[count][0] = at[0], flat[count++][1] = at[1];
     }
     struct places *places = flat ? places_create((const double(*)[2])flat, count, 0) : NULL;
@@ -166,25 +118,26 @@ static struct places *carried_places(const struct meter *meter, const struct vie
 }
 
 // One frame's error, and how far ground moves on the screen when the eye goes on by a 64th of a frame's way.
-static bool meter_frame(struct meter *meter, struct renderer *renderer, int frame, int frames)
+static bool measure_frame(struct papers_meter *meter, struct renderer *renderer, int frame, int frames,
+                          struct samples *samples)
 {
     enum { FINE = 64 };
     struct view view, next;
     scene_view(meter->scene, frame * FINE, frames * FINE, &view);
     scene_view(meter->scene, frame * FINE + 1, frames * FINE, &next);
     truth_cast(&meter->truth, meter->surface, &view, 0);
-    struct places *hits = truth_places(&meter->truth, 0), *moved = carried_places(meter, &view, &next);
+    struct places *hits = truth_places(&meter->truth, 0),
+                  *moved = carried_places(&meter->truth, &view, &next);
     bool good = (hits && moved) || fail("papers: out of memory");
     renderer->type->begin_frame(renderer, 2 * frame);
-    good = good && draw_into(meter, renderer, &view, hits);
+    good = good && papers_meter_draw(meter, renderer, &view, hits);
     if (good) {
-        frame_error_measure(&meter->error, meter->scene->terrain, &view, &meter->truth, meter->positions,
-                            hits, 0);
-        good = error_samples_add(&meter->errors, meter->error.error_px,
+        papers_meter_measure(meter, &view, hits);
+        good = error_samples_add(&samples->errors, meter->error.error_px,
                                  (size_t)view.width * (size_t)view.height);
         renderer->type->begin_frame(renderer, 2 * frame + 1);
-        good =
-            good && draw_into(meter, renderer, &next, moved) && add_swims(meter, &view, hits, &next, moved);
+        good = good && papers_meter_draw(meter, renderer, &next, moved) &&
+               add_swims(&meter->truth, &view, hits, &next, moved, &samples->swims);
     }
     places_destroy(hits);
     places_destroy(moved);
@@ -200,20 +153,24 @@ static bool measure_setting(struct papers *papers, const struct scene *scene,
                                  .effects = &scene->effects,
                                  .width = scene->width,
                                  .height = scene->height};
-    struct meter meter;
+    struct papers_meter meter;
+    struct samples samples = {.errors = {.most = 1 << 22}, .swims = {.most = 1 << 22}};
     renderer_default_knobs(flight->type, desc.knobs);
     for (int k = 0; flight->knobs[k]; k += 2)
         if (!renderer_parse_knob(flight->type, flight->knobs[k], flight->knobs[k + 1], desc.knobs))
             return false;
     struct renderer *renderer = flight->type->create(&desc);
-    bool good = meter_init(&meter, papers, scene) && renderer;
-    for (int look = 0; look < LOOKS && good; look++) good = meter_frame(&meter, renderer, look, LOOKS);
+    bool good = papers_meter_init(&meter, papers, scene) && renderer;
+    for (int look = 0; look < LOOKS && good; look++)
+        good = measure_frame(&meter, renderer, look, LOOKS, &samples);
     if (good) {
-        struct error_summary error = error_samples_summary(&meter.errors),
-                             swim = error_samples_summary(&meter.swims);
+        struct error_summary error = error_samples_summary(&samples.errors),
+                             swim = error_samples_summary(&samples.swims);
         values[3] = error.mean, values[4] = error.p999, values[5] = swim.mean, values[6] = swim.p999;
     }
-    meter_finish(&meter);
+    error_samples_finish(&samples.errors);
+    error_samples_finish(&samples.swims);
+    papers_meter_finish(&meter);
     if (renderer) flight->type->destroy(renderer);
     return good;
 }
