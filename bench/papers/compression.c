@@ -6,6 +6,7 @@
 #include "clipmap/clipmap_levels.h"
 #include "common/report.h"
 #include "common/terrain/heightfield.h"
+#include "common/terrain/relief/codec_mars.h"
 #include "common/terrain/relief/filter_fit.h"
 #include "common/terrain/relief/relief_file.h"
 #include "common/terrain/relief/relief_pack.h"
@@ -479,7 +480,63 @@ bool papers_mars_compression(struct papers *papers, struct papers_table *table)
         "is not zero takes a byte or two: rough ground hardly shrinks.  The paper's 26 is of ground that "
         "it says varies from 3 to 300 KB a MB.");
     papers_note(table, "Its mean error is not 0, since a dropped bit always lowers, and its errors add up "
-                       "level by level: in "
-                       "three levels here; tests/unit/test_mars has seven (8 against 1 in a closed loop).");
+                       "level by level: three of them in these tiles; mars-growth has seven.");
     return true;
+}
+
+// ---- Mars, how errors add up -------------------------------------------------------------------
+
+static bool growth_row(struct papers_table *table, const struct heightfield *field, int levels)
+{
+    static const struct mars_form FORMS[] = {
+        {0}, {.rounded = true}, {.closed = true}, {.closed = true, .rounded = true}};
+    int width = (int)field->width, height = (int)field->height;
+    int least = width > height ? width : height; // the side that so many levels leave
+    for (int l = 0; l < levels; l++) least = (least + 1) / 2;
+    size_t count = (size_t)width * (size_t)height, room = mars_most(width, height);
+    uint8_t *bytes = malloc(room);
+    int32_t *back = malloc(count * sizeof *back);
+    bool good = bytes && back;
+    double *values = papers_row(table, "%d level%s", levels, levels > 1 ? "s" : "");
+    for (int f = 0; good && f < 4; f++) {
+        struct mars_form form = FORMS[f];
+        form.least = least;
+        size_t size = mars_encode(field->samples, width, height, &form, bytes, room);
+        good = size > 0 && mars_decode(bytes, size, width, height, &form, back);
+        double sum = 0, most = 0;
+        for (size_t i = 0; good && i < count; i++) {
+            double off = back[i] - field->samples[i];
+            sum += off;
+            most = fmax(most, fabs(off));
+        }
+        values[2 * f] = most * field->quantum_m, values[2 * f + 1] = sum / (double)count * field->quantum_m;
+    }
+    free(bytes);
+    free(back);
+    return good || fail("papers: %s: its pyramid does not fit in memory", field->name);
+}
+
+bool papers_mars_growth(struct papers *papers, struct papers_table *table)
+{
+    enum { LEVELS = 7 };
+    char path[1024];
+    struct heightfield field;
+    (void)papers;
+    snprintf(table->title, sizeof table->title, "Errors of the block coder, by levels in a block's pyramid");
+    snprintf(table->row_name, sizeof table->row_name, "Mars, 1440 x 720, one block");
+    static const char *const NAMES[] = {"as published", "rounded", "closed loop", "closed, rounded"};
+    for (int c = 0; c < 8; c++) papers_column(table, NAMES[c / 2], c % 2 ? "mean, m" : "max, m", false);
+    if (!papers_data(table, "mars_mola_4ppd_1440x720.png", path)) return true;
+    bool good = heightfield_load(&field, path);
+    for (int levels = 1; good && levels <= LEVELS; levels++) good = growth_row(table, &field, levels);
+    papers_note(
+        table,
+        "A residual's last bit is dropped: steps of 2 x %g m.  As published residuals are taken "
+        "against levels as they were (an open loop), so what each level lost stays, and the dropped bit "
+        "loses one way; rounded to even numbers it loses both ways.  In a closed loop, against levels "
+        "as decoded, only the finest level's own loss is left: a step, or half of one when rounded.  "
+        "The paper prints no figure.",
+        good ? field.quantum_m : 0.0);
+    if (good) heightfield_finish(&field);
+    return good;
 }

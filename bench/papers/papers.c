@@ -31,6 +31,7 @@ static const struct papers_entry {
     {"pgm-7", "Livny et al. 2008, Table 7", papers_pgm_updates},
     {"pgm-culled", "Livny et al. 2008, section 6.3, culled samples", papers_pgm_culled},
     {"mars-1", "Geometry clipmapping for Mars, Table 1", papers_mars_compression},
+    {"mars-growth", "Geometry clipmapping for Mars, the dropped bit", papers_mars_growth},
     {"mars-3", "Geometry clipmapping for Mars, Table 3", papers_mars_rendering},
     {"sphere-views", "Clasen & Hege 2006, section 5.2, Figures 15 to 17", papers_sphere_views},
     {"sphere-kept", "Clasen & Hege 2006, section 6.1, vertices kept", papers_sphere_kept},

@@ -100,8 +100,7 @@ bool papers_decompression(struct papers *papers, double *times, int count);
 typedef bool papers_measure(struct papers *papers, struct papers_table *table);
 papers_measure papers_clipmap_update, papers_clipmap_error, papers_clipmap_rate; // Losasso & Hoppe 2004
 papers_measure papers_clipmap_space, papers_clipmap_compression, papers_clipmap_filter, papers_coders,
-    papers_clipmap_apart,
-    papers_mars_compression;                                                    // compression.c
+    papers_clipmap_apart, papers_mars_compression, papers_mars_growth;          // compression.c
 papers_measure papers_mars_rendering;                                           // Mars, Table 3
 papers_measure papers_sphere_views, papers_sphere_kept, papers_sphere_sampling; // Clasen & Hege 2006
 papers_measure papers_geomipmap_sets, papers_geomipmap_rate, papers_geomipmap_work,
