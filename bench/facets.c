@@ -24,6 +24,8 @@ struct making {
     int64_t first;   // column
     double sag;      // metres a metre of distance
     const struct facet_rises *rises;
+    const struct corner *fan; // at a pole: south-west and south-east, or north-west and north-east; else NULL
+    double pole_m;            // the pole's height, of a fan
     size_t most_bytes;
     bool failed;
 };
@@ -38,6 +40,11 @@ static double length_of(const double v[3])
     return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
 }
 
+static bool is_pole(const struct making *m, const struct corner *corner)
+{
+    return corner->place[1] == 0 || corner->place[1] == (double)m->size[1];
+}
+
 // Column 0 stands for the last, too, so that corners at the seam are the same numbers from both sides.
 static void set_relative(const struct making *m, struct corner *corner)
 {
@@ -45,7 +52,7 @@ static void set_relative(const struct making *m, struct corner *corner)
         corner->place[0] >= (double)m->size[0] ? corner->place[0] - (double)m->size[0] : corner->place[0];
     double longitude = (column + (double)m->first) * m->step[0];
     double latitude = (corner->place[1] - 0.5 * (double)m->size[1]) * m->step[1];
-    bool pole = corner->place[1] == 0 || corner->place[1] == (double)m->size[1];
+    bool pole = is_pole(m, corner);
     double across = pole ? 0 : cos(latitude), distance_m = m->info->radius_m + corner->height_m;
     corner->parallel = across;
     double world[3] = {across * cos(longitude), across * sin(longitude),
@@ -71,12 +78,14 @@ static double slope_beside(const struct making *m, const struct corner *a, const
 {
     int64_t south = (int64_t)ceil(fmin(a->place[1], b->place[1])) - 1,
             north = (int64_t)floor(fmax(a->place[1], b->place[1]));
-    double east = 0, along = 0, parallel = fmin(a->parallel, b->parallel), r = m->info->radius_m;
+    double east = 0, along = 0, r = m->info->radius_m;
     for (int64_t j = south < 0 ? 0 : south; j <= north && j < m->size[1]; j++) {
-        east = fmax(east, m->rises->east_m[j]);
+        bool at_pole = j == 0 || j == m->size[1] - 1; // as steep all the way as at the other side
+        double parallel = at_pole ? sin(m->step[1]) : fmin(a->parallel, b->parallel);
+        east = fmax(east, m->rises->east_m[j] / parallel);
         along = fmax(along, m->rises->north_m[j]);
     }
-    return hypot(east / (0.9 * r * parallel * m->step[0]), along / (0.9 * r * m->step[1]));
+    return hypot(east / (0.9 * r * m->step[0]), along / (0.9 * r * m->step[1]));
 }
 
 // How far the middle of an edge is off its facets: what points up counts, and what points along the ground
@@ -94,6 +103,18 @@ static double sag_of(const struct making *m, const struct corner *a, const struc
     return fmin(all, fabs(out) + aside * slope_beside(m, a, b));
 }
 
+// Heights are linear along an edge, but not across the fan of a cell at a pole (terrain.h).  What fans share
+// is the same number from both sides: u and v are 0 or 1 there, or it is the row where the fan begins.
+static double middle_height(const struct making *m, const struct corner *a, const struct corner *b,
+                            const struct corner *middle)
+{
+    const struct corner *base = m->fan;
+    double mean_m = 0.5 * (a->height_m + b->height_m);
+    if (!base || (a->place[1] == base->place[1] && b->place[1] == base->place[1])) return mean_m;
+    double u = middle->place[0] - base[0].place[0], v = fabs(middle->place[1] - base[0].place[1]);
+    return (1 - v) * ((1 - u) * base[0].height_m + u * base[1].height_m) + v * m->pole_m;
+}
+
 // The triangles at an edge that is their longest reach no farther from its middle than it is long; those
 // with a longer one are bounded by that one.
 static bool is_split(const struct making *m, const struct corner *a, const struct corner *b,
@@ -101,7 +122,9 @@ static bool is_split(const struct making *m, const struct corner *a, const struc
 {
     double chord[3];
     for (int axis = 0; axis < 2; axis++) middle->place[axis] = 0.5 * (a->place[axis] + b->place[axis]);
-    middle->height_m = 0.5 * (a->height_m + b->height_m);
+    if (is_pole(m, a)) middle->place[0] = b->place[0]; // meridians lead there
+    if (is_pole(m, b)) middle->place[0] = a->place[0];
+    middle->height_m = middle_height(m, a, b, middle);
     set_relative(m, middle);
     for (int axis = 0; axis < 3; axis++) chord[axis] = b->relative[axis] - a->relative[axis];
     return sag_of(m, a, b, middle) > sag_allowed(m, length_of(middle->relative) - length_of(chord));
@@ -231,6 +254,7 @@ static bool is_whole(const struct making *m, const struct block *block)
     double along_east = r * m->step[0] * east + 2 * rise_m * east,
            along_north = r * north * north + 2 * rise_m * north;
     double both = rise_m * (north + east) + r * m->step[0] * north;
+    if (block->from[1] == 0 || block->to[1] == m->size[1]) both += rise_m; // fans
     double cell_m = 1.5 * (r * hypot(east, north) + rise_m);
     double most = 1.01 / 8 * (along_east + 2 * both + along_north);
     return most < sag_allowed(m, length_of(block->middle) - block->reach_m - cell_m);
@@ -255,8 +279,11 @@ static void add_block(struct making *m, const struct terrain *terrain, int level
     for (int j = 0; j < height - 1; j++)
         for (int i = 0; i < width - 1; i++) {
             const struct corner *sw = corners + j * width + i, *nw = sw + width;
-            add(m, sw, sw + 1, nw + 1);
-            add(m, sw, nw + 1, nw);
+            bool south_pole = is_pole(m, sw), north_pole = is_pole(m, nw);
+            m->fan = south_pole ? nw : north_pole ? sw : NULL;
+            m->pole_m = (south_pole ? sw : nw)->height_m;
+            if (!south_pole) add(m, sw, sw + 1, north_pole ? nw : nw + 1);
+            if (!north_pole) add(m, sw, nw + 1, nw);
         }
 }
 

@@ -408,25 +408,48 @@ static struct at crossing(const struct ray *ray, int axis, double line, const st
 struct cell {
     double west, south, size; // in cells of level 0
     double corner[2][2];      // quanta, [north][east]
+    double axis_m;            // at most its distance from the planet's axis; 0: it ends at a pole
 };
 
-// Height of the ray over one of the two triangles.
-static double clearance(const struct cell *cell, bool se, const struct at *at)
+// What a cell is made of: two triangles, or at a pole one fan (terrain.h).
+enum { NORTH_WEST, SOUTH_EAST, FAN, DIAGONAL };
+
+static void fractions(const struct cell *cell, const struct at *at, double uv[2])
 {
-    double u = clamp((at->place[0] - cell->west) / cell->size, 0, 1);
-    double v = clamp((at->place[1] - cell->south) / cell->size, 0, 1);
-    double along_x = cell->corner[!se][1] - cell->corner[!se][0],
-           along_y = cell->corner[1][se] - cell->corner[0][se];
-    return at->height_q - (cell->corner[0][0] + u * along_x + v * along_y);
+    uv[0] = clamp((at->place[0] - cell->west) / cell->size, 0, 1);
+    uv[1] = clamp((at->place[1] - cell->south) / cell->size, 0, 1);
 }
 
-static void set_hit(const struct ray *ray, const struct cell *cell, bool se, const struct at *at,
+// How the height of a part changes over the cell's width and height, quanta; of a fan, at a place in it.
+static void rises(const struct cell *cell, int part, const double uv[2], double rise[2])
+{
+    const double(*z)[2] = cell->corner;
+    double u = part == FAN ? uv[0] : part == SOUTH_EAST, v = part == FAN ? uv[1] : part != SOUTH_EAST;
+    rise[0] = (1 - v) * (z[0][1] - z[0][0]) + v * (z[1][1] - z[1][0]);
+    rise[1] = (1 - u) * (z[1][0] - z[0][0]) + u * (z[1][1] - z[0][1]);
+}
+
+// Height of the ray over a part.
+static double clearance(const struct cell *cell, int part, const struct at *at)
+{
+    double uv[2], rise[2], height_q;
+    fractions(cell, at, uv);
+    rises(cell, part, uv, rise);
+    if (part == FAN)
+        height_q = cell->corner[0][0] + uv[0] * (cell->corner[0][1] - cell->corner[0][0]) + uv[1] * rise[1];
+    else
+        height_q = cell->corner[0][0] + uv[0] * rise[0] + uv[1] * rise[1];
+    return at->height_q - height_q;
+}
+
+static void set_hit(const struct ray *ray, const struct cell *cell, int part, const struct at *at,
                     struct truth_sphere_hit *hit)
 {
     const struct truth_sphere *s = ray->s;
-    double scale = s->quantum_m / cell->size, place[3], axes[3][3];
-    double slope[2] = {(cell->corner[!se][1] - cell->corner[!se][0]) * scale / s->spacing_rad[0],
-                       (cell->corner[1][se] - cell->corner[0][se]) * scale / s->spacing_rad[1]};
+    double scale = s->quantum_m / cell->size, place[3], axes[3][3], uv[2], rise[2];
+    fractions(cell, at, uv);
+    rises(cell, part, uv, rise);
+    double slope[2] = {rise[0] * scale / s->spacing_rad[0], rise[1] * scale / s->spacing_rad[1]};
     place[0] = (at->place[0] + (double)s->first) * s->spacing_rad[0];
     place[1] = (at->place[1] - (double)s->pole) * s->spacing_rad[1];
     sphere_axes(1, place, axes);
@@ -441,12 +464,12 @@ static void set_hit(const struct ray *ray, const struct cell *cell, bool se, con
 struct narrowing {
     const struct ray *ray;
     const struct cell *cell;
-    int what; // 0, 1: clearance over the north-western, the south-eastern triangle; 2: over the diagonal
+    int what; // the clearance over a part, or the distance from the DIAGONAL
 };
 
 static double value_at(const struct narrowing *n, const struct at *at)
 {
-    if (n->what < 2) return clearance(n->cell, n->what, at);
+    if (n->what != DIAGONAL) return clearance(n->cell, n->what, at);
     return (at->place[0] - n->cell->west) - (at->place[1] - n->cell->south);
 }
 
@@ -470,31 +493,45 @@ static struct at narrow(const struct narrowing *n, struct at a, struct at b, dou
     return b;
 }
 
-// Inside one triangle the clearance of a straight ray over a facet that follows the sphere is convex: it may
-// dip below between two ends above.
-static bool triangle_hit(const struct ray *ray, const struct cell *cell, bool se, const struct at *a,
-                         const struct at *b, struct truth_sphere_hit *hit)
+// How far the clearance over a triangle may dip under the lower of its values at two ends, length_m apart: an
+// eighth of the square of the length times its second derivative, and that is, on a straight ray at unit
+// speed and with rho the distance from the axis, at most 1/R for the height, 1/(R rho) + 2/R^2 for the
+// latitude and 1/rho^2 for the longitude, times the facet's slopes by them.  The factor 2 covers heights
+// under the datum.
+static double dip_q(const struct truth_sphere *s, const struct cell *cell, int part, double length_m)
 {
-    struct narrowing n = {ray, cell, se};
-    double fa = clearance(cell, se, a), fb = clearance(cell, se, b);
+    double r = s->radius_m, rho = cell->axis_m, rise[2];
+    if (part == FAN) return HUGE_VAL;
+    rises(cell, part, NULL, rise);
+    double east = fabs(rise[0]) / (cell->size * s->spacing_rad[0]),
+           north = fabs(rise[1]) / (cell->size * s->spacing_rad[1]);
+    double bend = 1 / (r * s->quantum_m) + 2 * north / (r * r) + north / (r * rho) + east / (rho * rho);
+    return 0.25 * length_m * length_m * bend;
+}
+
+// Inside one part the clearance of a straight ray bends one way: it may dip below between two ends above.
+static bool part_hit(const struct ray *ray, const struct cell *cell, int part, const struct at *a,
+                     const struct at *b, struct truth_sphere_hit *hit)
+{
+    struct narrowing n = {ray, cell, part};
+    double fa = clearance(cell, part, a), fb = clearance(cell, part, b);
     struct at found = *a;
     if (fa > 0 && fb <= 0)
         found = narrow(&n, *a, *b, fa, fb);
     else if (fa > 0) {
         double length_m = (b->t - a->t) * sqrt(dot(ray->direction, ray->direction));
-        double sag_q = length_m * length_m / (4 * ray->s->radius_m * ray->s->quantum_m);
-        if (fmin(fa, fb) > sag_q) return false;
+        if (fmin(fa, fb) > dip_q(ray->s, cell, part, length_m)) return false;
         struct at m = at_time(ray, 0.5 * (a->t + b->t), a->place[0]);
-        double fm = clearance(cell, se, &m), bend = 2 * (fa + fb - 2 * fm), lean = 4 * fm - 3 * fa - fb;
+        double fm = clearance(cell, part, &m), bend = 2 * (fa + fb - 2 * fm), lean = 4 * fm - 3 * fa - fb;
         if (bend <= 0) return false;
         double lowest = -lean / (2 * bend);
         if (!(lowest > 0 && lowest < 1)) return false;
         struct at low = at_time(ray, a->t + lowest * (b->t - a->t), a->place[0]);
-        double fl = clearance(cell, se, &low);
+        double fl = clearance(cell, part, &low);
         if (fl > 0) return false;
         found = narrow(&n, *a, low, fa, fl);
     }
-    set_hit(ray, cell, se, &found, hit);
+    set_hit(ray, cell, part, &found, hit);
     return true;
 }
 
@@ -522,13 +559,19 @@ static bool cell_hit(const struct ray *ray, int64_t i, int64_t j, const struct a
     }
     cell.west = (double)i * cell.size;
     cell.south = (double)j * cell.size;
-    struct narrowing diagonal = {ray, &cell, 2};
+    // The sine of an angle up to a quarter turn is at least 2 / pi of it.
+    double from_pole = fmin(cell.south, 2 * (double)s->pole - cell.south - cell.size);
+    cell.axis_m =
+        2 / M_PI * from_pole * s->spacing_rad[1] * (s->radius_m + s->offset_m + s->low * s->quantum_m);
+    if (from_pole <= 0) return part_hit(ray, &cell, FAN, a, b, hit);
+    struct narrowing diagonal = {ray, &cell, DIAGONAL};
     double fa = value_at(&diagonal, a), fb = value_at(&diagonal, b);
     if ((fa > 0 && fb < 0) || (fa < 0 && fb > 0)) {
         struct at m = narrow(&diagonal, *a, *b, fa, fb);
-        return triangle_hit(ray, &cell, fa > 0, a, &m, hit) || triangle_hit(ray, &cell, fb > 0, &m, b, hit);
+        return part_hit(ray, &cell, fa > 0 ? SOUTH_EAST : NORTH_WEST, a, &m, hit) ||
+               part_hit(ray, &cell, fb > 0 ? SOUTH_EAST : NORTH_WEST, &m, b, hit);
     }
-    return triangle_hit(ray, &cell, fa + fb >= 0, a, b, hit);
+    return part_hit(ray, &cell, fa + fb >= 0 ? SOUTH_EAST : NORTH_WEST, a, b, hit);
 }
 
 // ---- the quadtree ----------------------------------------------------------

@@ -510,8 +510,11 @@ static bool sphere_truth_at(const struct terrain *terrain, double x_m, double y_
     double u = place[0] - (double)i, v = place[1] - (double)j;
     int32_t z[4]; // south-west, south-east, north-west, north-east
     terrain_window(terrain, info->finest, i, j, 2, 2, z, TERRAIN_WAIT);
-    double along_x = u >= v ? z[1] - z[0] : z[3] - z[2], along_y = u >= v ? z[3] - z[1] : z[2] - z[0];
-    *height_q = z[0] + u * along_x + v * along_y;
+    bool fan = j == -grid.pole || j == grid.pole - 1;
+    double across = fan ? v : u < v, along = fan ? u : u >= v; // of the edges whose slopes count
+    double along_x = (1 - across) * (z[1] - z[0]) + across * (z[3] - z[2]),
+           along_y = (1 - along) * (z[2] - z[0]) + along * (z[3] - z[1]);
+    *height_q = z[0] + u * (fan ? z[1] - z[0] : along_x) + v * along_y;
     if (slope) {
         slope[0] = along_x / spacing[0];
         slope[1] = along_y / spacing[1];

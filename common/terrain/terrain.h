@@ -10,7 +10,11 @@
 // every height, and every mean of four, exactly.
 //
 // The surface of a level is piecewise linear: each cell is split along its diagonal (i, j)-(i+1, j+1).  The
-// truth that errors are measured against is the surface of the finest level.
+// truth that errors are measured against is the surface of the finest level.  On a sphere the two corners of
+// a cell that lie on a pole are one point.  Split in longitude and latitude, such a cell would be level along
+// the parallel but for a step at one side, the narrower and steeper the nearer to the pole.  So it is
+// bilinear there: one facet, straight along each meridian, and as steep along the parallel as where it
+// begins.
 //
 // The pyramid follows Losasso & Hoppe 2004, sections 5, 7 and 8: T_{l+1} = D(T_l); finer levels are
 // U(T) + noise, with U the 4-point interpolatory scheme in integers, one rounding (numerics.md, section 5).
