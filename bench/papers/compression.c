@@ -481,6 +481,12 @@ bool papers_mars_compression(struct papers *papers, struct papers_table *table)
         "it says varies from 3 to 300 KB a MB.");
     papers_note(table, "Its mean error is not 0, since a dropped bit always lowers, and its errors add up "
                        "level by level: three of them in these tiles; mars-growth has seven.");
+    papers_note(
+        table,
+        "What the paper would improve the other rows have: a transform and steps in place of the "
+        "dropped bit (wavelet; in a closed loop bounded and pyramid), entropy coding in place of run "
+        "lengths and whole bytes (rANS with contexts, all three), and a loss that follows from the aim "
+        "and the ground instead of one factor for all blocks.");
     return true;
 }
 
@@ -529,14 +535,13 @@ bool papers_mars_growth(struct papers *papers, struct papers_table *table)
     if (!papers_data(table, "mars_mola_4ppd_1440x720.png", path)) return true;
     bool good = heightfield_load(&field, path);
     for (int levels = 1; good && levels <= LEVELS; levels++) good = growth_row(table, &field, levels);
-    papers_note(
-        table,
-        "A residual's last bit is dropped: steps of 2 x %g m.  As published residuals are taken "
-        "against levels as they were (an open loop), so what each level lost stays, and the dropped bit "
-        "loses one way; rounded to even numbers it loses both ways.  In a closed loop, against levels "
-        "as decoded, only the finest level's own loss is left: a step, or half of one when rounded.  "
-        "The paper prints no figure.",
-        good ? field.quantum_m : 0.0);
+    papers_note(table,
+                "A residual's last bit is dropped: steps of 2 x %g m.  As published residuals are taken "
+                "against levels as they were (an open loop), so what each level lost stays: .5 in the mean, "
+                "all one way.  Rounded to even numbers it loses both ways, but stays as well.  In a closed "
+                "loop, against levels as decoded, only the finest level's own loss is left, however many "
+                "there are.  The paper prints no figure.",
+                good ? field.quantum_m : 0.0);
     if (good) heightfield_finish(&field);
     return good;
 }
