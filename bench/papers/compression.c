@@ -53,22 +53,10 @@ static bool pack(struct packed *p, const struct relief_pack_options *options)
     return relief_pack(&p->field, options, p->path, &p->header) && (p->relief = relief_open(p->path)) != NULL;
 }
 
-// Codecs that keep a largest error: the largest one whose rms is at most `rms_m`.
+// Codecs that keep a largest error, at an rms error.
 static bool pack_to_rms(struct packed *p, struct relief_pack_options options, double rms_m)
 {
-    int low = 0, high = 1;
-    const double quantum_m = p->field.quantum_m;
-    for (bool grows = true; grows || high - low > 1;) {
-        int middle = grows ? high : (low + high) / 2;
-        options.max_m = middle * quantum_m;
-        if (!relief_pack(&p->field, &options, NULL, &p->header)) return false;
-        bool keeps = p->header.rms_m <= rms_m;
-        *(keeps ? &low : &high) = middle;
-        if (grows && keeps) high = 2 * middle;
-        grows &= keeps;
-    }
-    options.max_m = low * quantum_m;
-    return pack(p, &options);
+    return relief_pack_max_for_rms(&p->field, &options, rms_m) && pack(p, &options);
 }
 
 static double bits_of(const struct packed *p)

@@ -4,6 +4,7 @@
 #include "common/parallel.h"
 #include "common/report.h"
 #include "common/terrain/relief/pack.h"
+#include "common/terrain/upsample.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -243,4 +244,22 @@ bool relief_pack(struct heightfield *field, const struct relief_pack_options *op
 {
     struct relief_source source;
     return relief_source_field(&source, field) && relief_pack_source(&source, options, path, header);
+}
+
+bool relief_pack_max_for_rms(struct heightfield *field, struct relief_pack_options *options, double rms_m)
+{
+    const int32_t most = QUANTA_LIMIT; // any map keeps that
+    int32_t low = 0, high = 1;
+    for (bool grows = true; low < most && (grows || high - low > 1);) {
+        int32_t middle = grows ? high : (low + high) / 2;
+        struct relief_header header;
+        options->max_m = middle * field->quantum_m;
+        if (!relief_pack(field, options, NULL, &header)) return false;
+        bool keeps = header.rms_m <= rms_m;
+        *(keeps ? &low : &high) = middle;
+        if (grows && keeps) high = middle < most / 2 ? 2 * middle : most;
+        grows &= keeps;
+    }
+    options->max_m = low * field->quantum_m;
+    return true;
 }

@@ -42,4 +42,8 @@ bool relief_pack_source(const struct relief_source *source, const struct relief_
 bool relief_pack(struct heightfield *field, const struct relief_pack_options *options, const char *path,
                  struct relief_header *header);
 
+// Layouts that keep a largest error: sets options->max_m to the largest one, in whole quanta, whose rms is at
+// most `rms_m`.  False after one line on stderr.
+bool relief_pack_max_for_rms(struct heightfield *field, struct relief_pack_options *options, double rms_m);
+
 #endif
