@@ -621,14 +621,14 @@ static void cast_rows(int block, void *user)
     struct truth *truth = c->truth;
     struct hand hand = {.cells = {.terrain = c->surface->terrain}};
     int end = (block + 1) * ROWS_A_BLOCK < truth->height ? (block + 1) * ROWS_A_BLOCK : truth->height;
-    if (c->surface->sphere && !(hand.tiles = truth_tiles_create(c->surface->sphere))) return;
+    if (c->surface->sphere && !(hand.tiles = truth_tiles_take(c->surface->sphere))) return;
     for (int y = block * ROWS_A_BLOCK; y < end && !(truth->interrupted && *truth->interrupted); y++)
         for (int x = 0; x < truth->width; x++) {
             size_t pixel = (size_t)y * (size_t)truth->width + (size_t)x;
             if (!c->wanted || c->wanted[pixel]) cast_pixel(c, &hand, x, y, &truth->pixels[pixel]);
         }
     release_pages(&hand.cells);
-    truth_tiles_destroy(hand.tiles);
+    truth_tiles_give(c->surface->sphere, hand.tiles);
 }
 
 static void cast_blocks(struct truth *truth, const struct truth_surface *surface, const struct view *view,
@@ -680,10 +680,10 @@ void truth_cast(struct truth *truth, const struct truth_surface *surface, const 
 static bool cast_sphere_ray(const struct truth_surface *surface, const double eye_m[3],
                             const double direction[3], double *t, float slope[2])
 {
-    struct truth_tiles *tiles = truth_tiles_create(surface->sphere);
+    struct truth_tiles *tiles = truth_tiles_take(surface->sphere);
     struct truth_sphere_hit hit;
     bool ground = tiles && truth_sphere_cast(surface->sphere, tiles, eye_m, direction, 0, &hit);
-    truth_tiles_destroy(tiles);
+    truth_tiles_give(surface->sphere, tiles);
     if (!ground) return false;
     *t = hit.t;
     slope[0] = slope[1] = 0;

@@ -6,12 +6,17 @@
 
 #include <float.h>
 #include <math.h>
+#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
 // A tile holds the cells 0..TILE-1 of one level and the samples about them that they, and the finer tiles
 // under them, are made of.
 enum { TILE = 8, BEFORE = 3, SIDE = TILE + 7, TILES = 4096, HEIGHTS = 40, REACH = 2 };
+
+// Towards the poles columns crowd, and a ray crosses many in a row: there, tiles have rows of finer levels
+// than their columns, U of the samples along y alone, in parts of a quantum.
+enum { PARTS = 16, CROWDED = 4 }; // CROWDED: cells so much taller than wide
 
 // Of a terrain that is read on demand: the cells of a node of height PAGE_HEIGHT, bounded as in memory. Nodes
 // from there up are bounded by what the file tells of its tiles.
@@ -30,15 +35,17 @@ struct truth_sphere {
     // Highest height of the finest surface over 2^k x 2^k cells of level 0, quanta; NULL: in pages.
     float *high[HEIGHTS];
     int64_t width[HEIGHTS], height[HEIGHTS];
-    double low, highest;                  // of all, as the finest level tells
-    double noise_q[DETAIL_MAX_FINER + 1]; // [-level]: what finer levels may add to it
+    double crowded;      // rows from the equator on beyond which columns crowd
+    double low, highest; // of all, as the finest level tells
+    struct idle *idle;
 };
 
 struct tile {
     int64_t x, y;
-    int level; // 1: empty
-    int32_t samples[SIDE][SIDE];
-    float high[TILE][TILE]; // of the finest surface over a cell
+    int level, rows;             // columns of this level, 1: empty; rows of that one, as fine or finer
+    int32_t samples[SIDE][SIDE]; // where rows are finer, in parts of a quantum
+    unsigned bounded;            // a bit for each row of cells
+    float high[TILE][TILE];      // of the finest surface over a cell, where it is bounded
 };
 
 struct page { // of level 0
@@ -49,8 +56,14 @@ struct page { // of level 0
 };
 
 struct truth_tiles {
-    struct page *pages; // NULL: level 0 is in memory
+    struct truth_tiles *next; // idle, too
+    struct page *pages;       // NULL: level 0 is in memory
     struct tile all[TILES];
+};
+
+struct idle { // tiles that no thread holds
+    pthread_mutex_t lock;
+    struct truth_tiles *first;
 };
 
 // ---- bounds ----------------------------------------------------------------
@@ -63,12 +76,23 @@ static double taper_about(const struct truth_sphere *s, int level, int64_t j)
     return fmax(1 - t * t, 0);
 }
 
-// Of the finest surface over a cell in row j of a level whose samples about it are low..high.
-static float bound_of(const struct truth_sphere *s, int level, int64_t j, double low, double high)
+// What noise and roundings may add to U of a level, over cells in row j.  A step rounds by half a quantum,
+// and noise that is not all rounded away once more; finer levels of U take each that much further.
+static double leeway(const struct truth_sphere *s, int level, int64_t j)
 {
-    if (s->finest == level) return (float)high;
-    double noise = s->noise_q[-level] * taper_about(s, level, j) + 2 * (level - s->finest); // and roundings
-    return nextafterf((float)(high + (high - low) * DETAIL_OVERSHOOT + noise), HUGE_VALF);
+    double taper = taper_about(s, level, j), sum = 0;
+    for (int l = level - 1; l >= s->finest; l--) {
+        double noise = DETAIL_DEVIATE * s->detail->sigma_q[-l] * taper;
+        sum += DETAIL_NORM * (noise < 0.5 ? 0.5 : noise + 1);
+    }
+    return sum;
+}
+
+// Of the finest surface over a cell whose samples about it are low..high.
+static float bound_of(double low, double high, double leeway_q)
+{
+    double bound = high + (high - low) * DETAIL_OVERSHOOT + leeway_q;
+    return (float)(bound + fabs(bound) * 0x1p-23); // not rounded below it
 }
 
 // Of level 0: samples to either side of a cell's own that the surface over it is made of.
@@ -77,8 +101,8 @@ static int reach_of(const struct truth_sphere *s)
     return s->finest < 0 ? REACH : 0;
 }
 
-// Over a cell in row j of level 0; `around`: the first of the samples about it, rows of `stride`.
-static float bound_cell(const struct truth_sphere *s, int64_t j, const int32_t *around, int stride)
+// Over a cell of level 0; `around`: the first of the samples about it, rows of `stride`.
+static float bound_cell(const struct truth_sphere *s, const int32_t *around, int stride, double leeway_q)
 {
     int32_t low = INT32_MAX, high = INT32_MIN;
     int rows = 2 * reach_of(s) + 2;
@@ -88,7 +112,7 @@ static float bound_cell(const struct truth_sphere *s, int64_t j, const int32_t *
             low = q < low ? q : low;
             high = q > high ? q : high;
         }
-    return bound_of(s, 0, j, low, high);
+    return s->finest == 0 ? (float)high : bound_of(low, high, leeway_q);
 }
 
 // Over the cells of one row of level 0.
@@ -96,10 +120,11 @@ static void bound_row(struct truth_sphere *s, int64_t j)
 {
     struct sphere_grid grid = {s->first, s->columns, s->pole};
     int reach = reach_of(s), rows = 2 * reach + 2;
+    double leeway_q = leeway(s, 0, j - s->pole);
     for (int64_t i = 0; i < s->columns; i++) {
         int32_t around[(2 * REACH + 2) * (2 * REACH + 2)];
         sphere_window(&grid, s->samples, s->first + i - reach, j - s->pole - reach, rows, rows, around);
-        s->high[0][j * s->columns + i] = bound_cell(s, j - s->pole, around, rows);
+        s->high[0][j * s->columns + i] = bound_cell(s, around, rows, leeway_q);
     }
 }
 
@@ -107,15 +132,19 @@ static void bound_row(struct truth_sphere *s, int64_t j)
 static void bound_pages(struct truth_sphere *s)
 {
     int reach = reach_of(s);
-    for (int64_t y = 0; y < s->height[PAGE_HEIGHT]; y++)
+    for (int64_t y = 0; y < s->height[PAGE_HEIGHT]; y++) {
+        int64_t j = y * PAGE - s->pole, last = j + PAGE - 1;
+        int64_t near_equator = j > 0 ? j : last < 0 ? last : 0; // where there is most noise
+        double leeway_q = leeway(s, 0, near_equator);
         for (int64_t x = 0; x < s->width[PAGE_HEIGHT]; x++) {
-            int64_t i = s->first + x * PAGE, j = y * PAGE - s->pole, last = j + PAGE - 1;
+            int64_t i = s->first + x * PAGE;
             int32_t low, high;
             terrain_bounds(s->terrain, 0, i - reach, j - reach, i + PAGE + reach, last + 1 + reach, &low,
                            &high);
-            int64_t near_equator = j > 0 ? j : last < 0 ? last : 0; // where there is most noise
-            s->high[PAGE_HEIGHT][y * s->width[PAGE_HEIGHT] + x] = bound_of(s, 0, near_equator, low, high);
+            s->high[PAGE_HEIGHT][y * s->width[PAGE_HEIGHT] + x] =
+                s->finest == 0 ? (float)high : bound_of(low, high, leeway_q);
         }
+    }
 }
 
 static void bound_parents(const struct truth_sphere *s, int k)
@@ -168,13 +197,13 @@ struct truth_sphere *truth_sphere_create(const struct terrain *terrain)
         s->columns = s->detail->grid.columns;
         s->pole = s->detail->grid.pole;
         s->finest = info->finest;
-        double all = detail_noise_limit(s->detail, -s->finest);
-        for (int k = 0; k <= -s->finest; k++) s->noise_q[k] = all - detail_noise_limit(s->detail, k);
+        s->crowded = acos(fmin(s->spacing_rad[1] / s->spacing_rad[0] / CROWDED, 1)) / s->spacing_rad[1];
         struct terrain_level finest = terrain_level(terrain, s->finest);
         s->low = finest.min_q;
         s->highest = finest.max_q;
     }
-    if (s && build_bounds(s)) return s;
+    if (s && (s->idle = calloc(1, sizeof *s->idle))) pthread_mutex_init(&s->idle->lock, NULL);
+    if (s && s->idle && build_bounds(s)) return s;
     fail("terrain %s: no memory for the ray caster", info->name);
     truth_sphere_destroy(s);
     return NULL;
@@ -183,82 +212,134 @@ struct truth_sphere *truth_sphere_create(const struct terrain *terrain)
 void truth_sphere_destroy(struct truth_sphere *s)
 {
     if (!s) return;
+    for (struct truth_tiles *tiles = s->idle ? s->idle->first : NULL, *next; tiles; tiles = next) {
+        next = tiles->next;
+        free(tiles->pages);
+        free(tiles);
+    }
+    if (s->idle) pthread_mutex_destroy(&s->idle->lock);
+    free(s->idle);
     for (int k = 0; k < HEIGHTS; k++) free(s->high[k]);
     free(s);
 }
 
 // ---- tiles -----------------------------------------------------------------
 
-struct truth_tiles *truth_tiles_create(const struct truth_sphere *s)
+struct truth_tiles *truth_tiles_take(const struct truth_sphere *s)
 {
-    struct truth_tiles *tiles = malloc(sizeof *tiles);
-    if (!tiles) return NULL;
+    pthread_mutex_lock(&s->idle->lock);
+    struct truth_tiles *tiles = s->idle->first;
+    if (tiles) s->idle->first = tiles->next;
+    pthread_mutex_unlock(&s->idle->lock);
+    if (tiles || !(tiles = malloc(sizeof *tiles))) return tiles;
     tiles->pages = s->samples ? NULL : calloc(PAGES, sizeof *tiles->pages);
     for (int k = 0; k < TILES; k++) tiles->all[k].level = 1;
     if (s->samples || tiles->pages) return tiles;
-    truth_tiles_destroy(tiles);
+    free(tiles);
     return NULL;
 }
 
-void truth_tiles_destroy(struct truth_tiles *tiles)
+void truth_tiles_give(const struct truth_sphere *s, struct truth_tiles *tiles)
 {
-    if (tiles) free(tiles->pages);
-    free(tiles);
+    if (!tiles) return;
+    pthread_mutex_lock(&s->idle->lock);
+    tiles->next = s->idle->first;
+    s->idle->first = tiles;
+    pthread_mutex_unlock(&s->idle->lock);
 }
 
-static size_t slot_of(int level, int64_t x, int64_t y)
+static size_t slot_of(int level, int rows, int64_t x, int64_t y)
 {
-    uint64_t key =
-        (uint64_t)x * 0x9e3779b97f4a7c15u ^ (uint64_t)y * 0xc2b2ae3d27d4eb4fu ^ (uint64_t)(-level) << 57;
+    uint64_t key = (uint64_t)x * 0x9e3779b97f4a7c15u ^ (uint64_t)y * 0xc2b2ae3d27d4eb4fu ^
+                   (uint64_t)(-level) << 57 ^ (uint64_t)(level - rows) << 51;
     return (size_t)((key * 0xd6e8feb86659fd93u) >> 52) % TILES;
 }
 
-static void bound_tile(const struct truth_sphere *s, struct tile *tile)
+// Over the cells of row j: they are of the finest level, or all about them counts.
+static void bound_tile_row(const struct truth_sphere *s, struct tile *tile, int j)
 {
-    int32_t low[TILE + 5][TILE], high[TILE + 5][TILE]; // over REACH samples to either side along x
-    for (int j = 0; j < TILE + 5; j++)
-        for (int i = 0; i < TILE; i++) {
-            const int32_t *z = &tile->samples[j + 1][i + 1];
-            low[j][i] = high[j][i] = z[0];
-            for (int k = 1; k < 2 * REACH + 2; k++) {
-                low[j][i] = z[k] < low[j][i] ? z[k] : low[j][i];
-                high[j][i] = z[k] > high[j][i] ? z[k] : high[j][i];
-            }
+    bool finest = tile->level == s->finest;
+    int reach = finest ? 0 : REACH, finer = tile->level - tile->rows;
+    double scale = finer ? 1.0 / PARTS : 1, leeway_q = 0;
+    int32_t low[SIDE], high[SIDE]; // along y
+    for (int i = 0; i < SIDE; i++) low[i] = INT32_MAX, high[i] = INT32_MIN;
+    for (int y = BEFORE + j - reach; y < BEFORE + j + 2 + reach; y++)
+        for (int i = 0; i < SIDE; i++) {
+            int32_t q = tile->samples[y][i];
+            low[i] = q < low[i] ? q : low[i];
+            high[i] = q > high[i] ? q : high[i];
         }
-    for (int j = 0; j < TILE; j++)
-        for (int i = 0; i < TILE; i++) {
-            int32_t least = INT32_MAX, most = INT32_MIN;
-            for (int k = 0; k < 2 * REACH + 2; k++) {
-                least = low[j + k][i] < least ? low[j + k][i] : least;
-                most = high[j + k][i] > most ? high[j + k][i] : most;
-            }
-            tile->high[j][i] = bound_of(s, tile->level, tile->y * TILE + j, least, most);
+    if (!finest) // of the columns' level, and rounding to parts
+        leeway_q = leeway(s, tile->level, (tile->y * TILE + j) >> finer) + finer * DETAIL_NORM / 2 / PARTS;
+    for (int i = 0; i < TILE; i++) {
+        int32_t least = INT32_MAX, most = INT32_MIN;
+        for (int x = BEFORE + i - reach; x < BEFORE + i + 2 + reach; x++) {
+            least = low[x] < least ? low[x] : least;
+            most = high[x] > most ? high[x] : most;
         }
+        tile->high[j][i] = finest ? (float)most : bound_of(least * scale, most * scale, leeway_q);
+    }
+    tile->bounded |= 1u << j;
 }
 
-// The tile (x, y) of a level; another call may make it another one.
-static const struct tile *tile_at(const struct truth_sphere *s, struct truth_tiles *tiles, int level,
-                                  int64_t x, int64_t y)
+// Rows of a finer level between those of the tile above: every other one is one of them.
+static void refine_rows(const struct tile *above, struct tile *tile)
+{
+    int32_t scale = above->rows == above->level ? PARTS : 1;
+    for (int j = 0; j < SIDE; j++) {
+        int64_t row = tile->y * TILE - BEFORE + j;
+        const int32_t *z = above->samples[(row >> 1) - above->y * TILE + BEFORE];
+        for (int i = 0; i < SIDE; i++, z++)
+            tile->samples[j][i] =
+                row & 1 ? (scale * (9 * (z[0] + z[SIDE]) - z[-SIDE] - z[2 * SIDE]) + 8) >> 4 : scale * z[0];
+    }
+}
+
+static struct tile *tile_at(const struct truth_sphere *s, struct truth_tiles *tiles, int level, int rows,
+                            int64_t x, int64_t y);
+
+static void make_samples(const struct truth_sphere *s, struct truth_tiles *tiles, struct tile *tile)
 {
     enum { COARSE = 11 };
-    struct tile *tile = &tiles->all[slot_of(level, x, y)];
-    if (tile->level == level && tile->x == x && tile->y == y) return tile;
-    int32_t coarse[COARSE * COARSE];
-    if (level < 0) {
-        const struct tile *above = tile_at(s, tiles, level + 1, x >> 1, y >> 1);
-        int64_t i = (x & 1) * (TILE / 2), j = (y & 1) * (TILE / 2);
-        for (int row = 0; row < COARSE; row++)
-            memcpy(coarse + row * COARSE, &above->samples[j + row][i], COARSE * sizeof *coarse);
-    }
-    tile->level = level, tile->x = x, tile->y = y;
-    if (level < 0)
-        detail_refine(s->detail, level, coarse, x * TILE - BEFORE, y * TILE - BEFORE, SIDE, SIDE,
-                      &tile->samples[0][0]);
-    else
+    int64_t x = tile->x, y = tile->y;
+    if (tile->level == 0) {
         terrain_window(s->terrain, 0, x * TILE - BEFORE, y * TILE - BEFORE, SIDE, SIDE, &tile->samples[0][0],
                        TERRAIN_WAIT);
-    bound_tile(s, tile);
-    return tile;
+        return;
+    }
+    const struct tile *above = tile_at(s, tiles, tile->level + 1, tile->level + 1, x >> 1, y >> 1);
+    int32_t coarse[COARSE * COARSE];
+    int64_t i = (x & 1) * (TILE / 2), j = (y & 1) * (TILE / 2);
+    for (int row = 0; row < COARSE; row++)
+        memcpy(coarse + row * COARSE, &above->samples[j + row][i], COARSE * sizeof *coarse);
+    detail_refine(s->detail, tile->level, coarse, x * TILE - BEFORE, y * TILE - BEFORE, SIDE, SIDE,
+                  &tile->samples[0][0]);
+}
+
+// The tile (x, y), in tiles, with columns of a level and rows of one as fine or finer; another call may make
+// it another one.
+static struct tile *tile_at(const struct truth_sphere *s, struct truth_tiles *tiles, int level, int rows,
+                            int64_t x, int64_t y)
+{
+    struct tile *slot = &tiles->all[slot_of(level, rows, x, y)];
+    if (slot->level == level && slot->rows == rows && slot->x == x && slot->y == y) return slot;
+    struct tile tile; // one that it is made of may have the same slot
+    tile.x = x, tile.y = y, tile.level = level, tile.rows = rows, tile.bounded = 0;
+    if (rows < level)
+        refine_rows(tile_at(s, tiles, level, rows + 1, x, y >> 1), &tile);
+    else
+        make_samples(s, tiles, &tile);
+    *slot = tile;
+    return slot;
+}
+
+// At least the highest height of the finest surface over cell (x, y) of such columns and rows.
+static double highest_over(const struct truth_sphere *s, struct truth_tiles *tiles, int level, int rows,
+                           int64_t x, int64_t y)
+{
+    struct tile *tile = tile_at(s, tiles, level, rows, x >> 3, y >> 3);
+    if (!(tile->bounded >> (y & 7) & 1)) bound_tile_row(s, tile, (int)(y & 7));
+    return (double)tile->high[y & 7][x & 7];
 }
 
 // ---- pages -----------------------------------------------------------------
@@ -274,10 +355,12 @@ static float *page_nodes(struct page *page, int k)
 static void bound_page(const struct truth_sphere *s, struct page *page)
 {
     int before = REACH - reach_of(s);
-    for (int j = 0; j < PAGE; j++)
+    for (int j = 0; j < PAGE; j++) {
+        double leeway_q = leeway(s, 0, page->y * PAGE + j - s->pole);
         for (int i = 0; i < PAGE; i++)
-            page->high[j * PAGE + i] = bound_cell(s, page->y * PAGE + j - s->pole,
-                                                  &page->samples[j + before][i + before], PAGE_SIDE);
+            page->high[j * PAGE + i] =
+                bound_cell(s, &page->samples[j + before][i + before], PAGE_SIDE, leeway_q);
+    }
     for (int k = 1; k <= PAGE_HEIGHT; k++) {
         const float *below = page_nodes(page, k - 1);
         float *nodes = page_nodes(page, k);
@@ -293,7 +376,7 @@ static void bound_page(const struct truth_sphere *s, struct page *page)
 // Page (x, y), in nodes of its height; another call may make it another one.
 static struct page *page_at(const struct truth_sphere *s, struct truth_tiles *tiles, int64_t x, int64_t y)
 {
-    struct page *page = &tiles->pages[slot_of(0, x, y) % PAGES];
+    struct page *page = &tiles->pages[slot_of(0, 0, x, y) % PAGES];
     if (page->read && page->x == x && page->y == y) return page;
     page->x = x, page->y = y;
     page->read = true;
@@ -552,7 +635,7 @@ static bool cell_hit(const struct ray *ray, int64_t i, int64_t j, const struct a
         cell.corner[1][0] = north[i], cell.corner[1][1] = north[east];
     } else {
         int64_t scale = (int64_t)1 << -s->finest, x = i + s->first * scale, y = j - s->pole * scale;
-        const struct tile *tile = tile_at(s, ray->tiles, s->finest, x >> 3, y >> 3);
+        const struct tile *tile = tile_at(s, ray->tiles, s->finest, s->finest, x >> 3, y >> 3);
         for (int north = 0; north < 2; north++)
             for (int east = 0; east < 2; east++)
                 cell.corner[north][east] = tile->samples[(y & 7) + BEFORE + north][(x & 7) + BEFORE + east];
@@ -587,7 +670,30 @@ static double highest(const struct ray *ray, int k, int64_t i, int64_t j)
         return (double)page_nodes(page, k)[j % side * side + i % side];
     }
     int64_t scale = (int64_t)1 << -k, x = i + s->first * scale, y = j - s->pole * scale;
-    return (double)tile_at(s, ray->tiles, k, x >> 3, y >> 3)->high[y & 7][x & 7];
+    return highest_over(s, ray->tiles, k, k, x, y);
+}
+
+// Whether the ray, not below `lowest` between a and b in node (i, j) of height k, is above the finest surface
+// in those finer rows of the node that it passes through there.
+static bool is_over_rows(const struct ray *ray, int k, int64_t i, int64_t j, const struct at *a,
+                         const struct at *b, double lowest)
+{
+    const struct truth_sphere *s = ray->s;
+    double south = fmin(a->place[1], b->place[1]), north = fmax(a->place[1], b->place[1]);
+    for (int rows = k - 2; rows >= s->finest && ldexp(north - south, -rows) <= 1; rows--) {
+        int64_t scale = (int64_t)1 << -rows, x = i + s->first * ((int64_t)1 << -k), first = j << (k - rows),
+                last = ((j + 1) << (k - rows)) - 1;
+        int64_t from = (int64_t)ldexp(south, -rows), to = (int64_t)ldexp(north, -rows);
+        double high = -HUGE_VAL;
+        from = from < first ? first : from > last ? last : from;
+        to = to < first ? first : to > last ? last : to;
+        for (int64_t row = from; row <= to; row++) {
+            int64_t y = row - s->pole * scale;
+            high = fmax(high, highest_over(s, ray->tiles, k, rows, x, y));
+        }
+        if (lowest > high) return true;
+    }
+    return false;
 }
 
 static bool visit(const struct ray *ray, int k, int64_t i, int64_t j, const struct at *a, const struct at *b,
@@ -598,6 +704,8 @@ static bool visit(const struct ray *ray, int k, int64_t i, int64_t j, const stru
     if (ray->nearest > a->t && ray->nearest < b->t) lowest = at_time(ray, ray->nearest, a->place[0]).height_q;
     if (lowest > highest(ray, k, i, j)) return false;
     if (k == s->finest) return cell_hit(ray, i, j, a, b, hit);
+    bool crowded = k <= 0 && fabs(ldexp((double)j + 0.5, k) - (double)s->pole) > s->crowded;
+    if (crowded && is_over_rows(ray, k, i, j, a, b, lowest)) return false;
     double middle[2] = {ldexp((double)(2 * i + 1), k - 1), ldexp((double)(2 * j + 1), k - 1)};
     struct at stops[4] = {*a};
     int count = 1;

@@ -9,7 +9,8 @@
 // same, and so are the results, bit for bit.
 //
 // Poles are rows of cells like any other: their northern or southern corners are one point.  There columns
-// crowd: a ray that skims synthesised ground within metres of a pole crosses so many that it takes seconds.
+// crowd, and a ray crosses many in a row: before a node is gone down, the ray is held against bounds of the
+// node's width and of the few finer rows that it passes through.
 // SPDX-License-Identifier: MIT
 #ifndef BENCH_ERROR_TRUTH_SPHERE_H
 #define BENCH_ERROR_TRUTH_SPHERE_H
@@ -25,8 +26,10 @@ void truth_sphere_destroy(struct truth_sphere *sphere);                  // acce
 // Tiles of synthesised levels that one thread has made, and pages that it has read; any number of them
 // changes no result.
 struct truth_tiles;
-struct truth_tiles *truth_tiles_create(const struct truth_sphere *sphere); // NULL when memory runs out
-void truth_tiles_destroy(struct truth_tiles *tiles);                       // accepts NULL
+// Those that another call is done with, or new ones; the sphere keeps them until it is destroyed.
+// Thread-safe.
+struct truth_tiles *truth_tiles_take(const struct truth_sphere *sphere); // NULL when memory runs out
+void truth_tiles_give(const struct truth_sphere *sphere, struct truth_tiles *tiles); // accepts NULL
 
 struct truth_sphere_hit {
     double t, height_m; // over the datum

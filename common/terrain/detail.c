@@ -27,7 +27,7 @@ static void add_noise(const struct detail *detail, int level, int64_t x0, int64_
     int64_t i = x0, j = y;
     sphere_fold(&grid, &i, &j);
     double sigma = detail->sigma_q[-level] * taper(&grid, j);
-    if (sigma == 0) return;
+    if (sigma * DETAIL_DEVIATE < 0.5) return; // all of it would be rounded away
     while (width > 0) {
         int64_t run = grid.first + grid.columns - i;
         if (run > width) run = width;
@@ -92,8 +92,7 @@ struct terrain_extent detail_under(int level, int64_t x0, int64_t y0, int width,
 
 double detail_noise_limit(const struct detail *detail, int levels)
 {
-    const double largest_deviate = 8.3, norm = 1.565;
     double sum = 0;
-    for (int k = 1; k <= levels; k++) sum += norm * (largest_deviate * detail->sigma_q[k] + 1);
+    for (int k = 1; k <= levels; k++) sum += DETAIL_NORM * (DETAIL_DEVIATE * detail->sigma_q[k] + 1);
     return sum;
 }
