@@ -117,6 +117,13 @@ static void add_scene(cJSON *root, const struct run *run)
     cJSON_AddStringToObject(json, "sha256", scene->sha256);
     cJSON_AddStringToObject(json, "terrain", scene->terrain_name);
     if (run->truth) cJSON_AddStringToObject(json, "truth", terrain_info(run->truth)->name);
+    if (info->packed.codec[0]) {
+        cJSON *packed = cJSON_AddObjectToObject(json, "packed");
+        cJSON_AddStringToObject(packed, "codec", info->packed.codec);
+        cJSON_AddNumberToObject(packed, "bits_per_sample", info->packed.bits_per_sample);
+        cJSON_AddNumberToObject(packed, "rms_m", info->packed.rms_m);
+        cJSON_AddNumberToObject(packed, "max_m", info->packed.max_m);
+    }
     cJSON_AddNumberToObject(json, "samples", (double)info->samples);
     cJSON_AddNumberToObject(json, "samples_x", (double)(finest.extent.x1 - finest.extent.x0));
     cJSON_AddNumberToObject(json, "samples_y", (double)(finest.extent.y1 - finest.extent.y0));

@@ -427,6 +427,32 @@ static void add_floor(const struct report *report, struct text *page)
                          "307\u202f200.</dd>");
 }
 
+// What compression lost, and whether it is among the errors of this page.
+static void add_compression(const struct report *report, struct text *page)
+{
+    const cJSON *packed = json_at(report->root, "scene.packed");
+    const char *truth = json_text(report->root, "scene.truth");
+    char bits[NUMBER_TEXT], rms[NUMBER_TEXT], most[NUMBER_TEXT];
+    if (!packed && !truth) return;
+    text_add(page, "<dt>Compression</dt><dd>");
+    if (packed) {
+        text_add(page, "The terrain was packed (");
+        text_add_escaped(page, json_text(packed, "codec"));
+        text_add(page, ", %s bits a sample): %s\u00a0m rms and at most %s\u00a0m off its source. ",
+                 number_text(json_number(packed, "bits_per_sample"), bits),
+                 number_text(json_number(packed, "rms_m"), rms),
+                 number_text(json_number(packed, "max_m"), most));
+    }
+    if (truth) {
+        text_add(page, "Errors are against <b>");
+        text_add_escaped(page, truth);
+        text_add(page, "</b>: compression and levels of detail together; the same flight without "
+                       "<code>--truth</code> gives levels of detail alone.</dd>");
+    } else
+        text_add(page, "Errors are against the packed map itself: levels of detail alone; <code>--truth "
+                       "SOURCE</code> gives both together.</dd>");
+}
+
 static void add_machine(const struct report *report, struct text *page)
 {
     const char *name = json_text(report->root, "gl.renderer");
@@ -494,6 +520,7 @@ void report_verdict(const struct report *report, struct text *page)
     text_add(page, "</dd>");
     add_claims(report, page);
     add_floor(report, page);
+    add_compression(report, page);
     add_machine(report, page);
     text_add(page, "</dl>\n");
     free(standings);

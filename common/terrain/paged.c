@@ -7,6 +7,7 @@
 #include "common/terrain/paged_parts.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -481,6 +482,12 @@ void paged_info(const struct paged *p, struct terrain_info *info)
                                   .max_q = finest->max_q,
                                   .voids_filled = h->voids_filled,
                                   .samples = (uint64_t)finest->size[0] * (uint64_t)finest->size[1]};
+    snprintf(info->packed.codec, sizeof info->packed.codec, "%s", LAYOUT_NAMES[h->layout]);
+    double columns = (double)(h->size[0] - 2 * (int64_t)h->margin),
+           rows = (double)(h->size[1] - 2 * (int64_t)h->margin);
+    info->packed.bits_per_sample = 8 * (double)relief_sample_bytes(p->relief) / (columns * rows);
+    info->packed.rms_m = h->rms_m;
+    info->packed.max_m = h->max_m;
 }
 
 struct terrain_level paged_level(const struct paged *p, int level)

@@ -57,6 +57,10 @@ struct terrain_extent { // samples of one level: x0 <= i < x1, y0 <= j < y1
 
 struct terrain_info {
     char name[64];
+    struct terrain_packed { // of a .relief file: what packing lost, and what a sample takes
+        char codec[16];     // empty for other sources
+        double bits_per_sample, rms_m, max_m;
+    } packed;
     enum terrain_datum datum;
     double radius_m;     // sphere only
     double spacing_m[2]; // of level 0; x and y need not be equal

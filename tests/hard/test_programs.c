@@ -262,6 +262,13 @@ static double brute_error(const char *name, const char *key)
     return error;
 }
 
+static bool page_says(const char *name, const char *words)
+{
+    char command[1400];
+    snprintf(command, sizeof command, "grep -q '%s' %s/%s/index.html", words, folder, name);
+    return system(command) == 0;
+}
+
 // Every sample of a packed terrain drawn: no error against itself; against its source, what the coder did.
 // What a map of 2 m rms error does to a picture is not 0, and the source itself against the source is.
 static void test_errors_against_the_source(void **state)
@@ -277,6 +284,15 @@ static void test_errors_against_the_source(void **state)
     assert_true(brute_error("source", "p50") > 1e-3);
     FIGURE("--truth: brute's mean error %.1e px against itself, %.3f px against the source of rms 2 m",
            brute_error("itself", "mean"), brute_error("source", "mean"));
+    cJSON *itself = read_results("itself"), *same = read_results("same");
+    double rms_m = number(cJSON_GetObjectItemCaseSensitive(itself, "scene"), "packed", "rms_m");
+    assert_true(rms_m >= 0.98 * 2 && rms_m <= 1.001 * 2);
+    assert_null(cJSON_GetObjectItemCaseSensitive(cJSON_GetObjectItemCaseSensitive(same, "scene"), "packed"));
+    cJSON_Delete(itself);
+    cJSON_Delete(same);
+    assert_true(page_says("itself", "levels of detail alone; <code>--truth") &&
+                page_says("source", "<b>hills</b>: compression and levels of detail together") &&
+                !page_says("same", "was packed"));
     assert_one_line(run("bench run --terrain %s/hills.relief --truth %s/nowhere.png", f, f), EXIT_WORLD,
                     "nowhere.png");
 }
