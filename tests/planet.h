@@ -48,4 +48,16 @@ static inline struct camera test_camera(const struct terrain *terrain, double lo
         {x, y, q * info->quantum_m + info->offset_m + height_m}, yaw, pitch, 0, 60 * DEGREE};
 }
 
+// Longitude and latitude, relative to a viewer's, of what it sees at an angle from its nadir and an azimuth
+// from east; in long double (numerics.md, D2).
+static inline void test_exact_angles(double latitude, double angle, double azimuth, double exact[2])
+{
+    long double s = sinl(angle), half = sinl((long double)angle / 2), c = 2 * half * half;
+    long double px = -s * sinl(azimuth), py = s * cosl(azimuth), sine = cosl(latitude),
+                cosine = sinl(latitude);
+    long double x = cosine * px + sine * (1 - c), a = sine * px + cosine * c, across = hypotl(x, py);
+    exact[0] = (double)atan2l(py, x);
+    exact[1] = (double)(-2 * atan2l(a, sine + across));
+}
+
 #endif

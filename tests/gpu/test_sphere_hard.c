@@ -1,6 +1,7 @@
 // Hard cases of a planet on the GPU: what is drawn changes evenly over a pole, what is nearer hides what is
 // farther from a walk to space, and rings join.  SPDX-License-Identifier: MIT
 #include "clipmap/clipmap.h"
+#include "common/embedded.h"
 #include "tests/gpu/settings.h"
 #include "tests/planet.h"
 
@@ -40,6 +41,107 @@ static void prepare(struct renderer *renderer, const struct terrain *terrain, co
     clipmap_renderer.begin_frame(renderer, frame);
     assert_true(clipmap_renderer.update(renderer, view, 1));
     gpu_set_view(gpu, terrain, view);
+}
+
+// ---- D2 --------------------------------------------------------------------
+
+enum { RING = 720 };
+
+// The part of the ring's vertex program that finds angles, alone; 0 where it does not compile.
+static GLuint angles_program(int form)
+{
+    static const char before[] = "in vec3 v;\nout vec2 angles;\nuniform vec4 viewer;\nuniform float polar;\n",
+                      after[] = "void main() { gl_Position = vec4(0.0); angles = angles_of(v); }\n";
+    static const char *const captured = "angles";
+    const struct embedded_file *file = embedded_find("clipmap/sphere.vert");
+    assert_non_null(file);
+    const char *from = strstr((const char *)file->data, "vec2 stable_angles"),
+               *to = strstr((const char *)file->data, "float texel(");
+    char version[64];
+    snprintf(version, sizeof version, "#version 330 core\n#define FORM %d\n", form);
+    const GLchar *texts[] = {version, before, from, after};
+    const GLint lengths[] = {-1, -1, (GLint)(to - from), -1};
+    GLuint shader = glCreateShader(GL_VERTEX_SHADER), program = glCreateProgram();
+    glShaderSource(shader, 4, texts, lengths);
+    glCompileShader(shader);
+    glAttachShader(program, shader);
+    glTransformFeedbackVaryings(program, 1, &captured, GL_INTERLEAVED_ATTRIBS);
+    glLinkProgram(program);
+    glDeleteShader(shader);
+    GLint good;
+    glGetProgramiv(program, GL_LINK_STATUS, &good);
+    assert_true(good);
+    return program;
+}
+
+// The worst error on a ring, metres on the ground.
+static double ring_error_m(GLuint program, const GLuint buffers[2], double polar, double reach_m)
+{
+    static float ring[RING][3], found[RING][2];
+    double angle = reach_m / RADIUS, half = sin(angle / 2), worst = 0;
+    for (int k = 0; k < RING; k++) {
+        double azimuth = (k + 0.5) * 2 * M_PI / RING;
+        ring[k][0] = (float)(cos(azimuth) * sin(angle));
+        ring[k][1] = (float)(sin(azimuth) * sin(angle));
+        ring[k][2] = (float)(2 * half * half);
+    }
+    glUseProgram(program);
+    glUniform4f(glGetUniformLocation(program, "viewer"), (float)sin(polar), (float)cos(polar), 0, 0);
+    glUniform1f(glGetUniformLocation(program, "polar"), (float)polar);
+    glBindBuffer(GL_ARRAY_BUFFER, buffers[0]);
+    gpu_buffer_data(gpu, GL_ARRAY_BUFFER, sizeof ring, ring, GL_STREAM_DRAW);
+    GLuint at = (GLuint)glGetAttribLocation(program, "v");
+    glEnableVertexAttribArray(at);
+    glVertexAttribPointer(at, 3, GL_FLOAT, GL_FALSE, 12, NULL);
+    glBindBufferBase(GL_TRANSFORM_FEEDBACK_BUFFER, 0, buffers[1]);
+    glEnable(GL_RASTERIZER_DISCARD);
+    glBeginTransformFeedback(GL_POINTS);
+    glDrawArrays(GL_POINTS, 0, RING);
+    glEndTransformFeedback();
+    glDisable(GL_RASTERIZER_DISCARD);
+    glGetBufferSubData(GL_TRANSFORM_FEEDBACK_BUFFER, 0, sizeof found, found);
+    for (int k = 0; k < RING; k++) {
+        double exact[2], latitude = 0.5 * M_PI - polar;
+        test_exact_angles(latitude, angle, (k + 0.5) * 2 * M_PI / RING, exact);
+        double east = remainder((double)found[k][0] - exact[0], 2 * M_PI) * cos(latitude + exact[1]);
+        worst = fmax(worst, RADIUS * hypot(east, (double)found[k][1] - exact[1]));
+    }
+    return worst;
+}
+
+// 3e-5 of the distance, which the shader's own atan allows (numerics.md, section 0).
+static void shaders_sample_where_they_should(void **state)
+{
+    (void)state;
+    static const double POLAR[] = {M_PI / 2, M_PI / 4, M_PI / 48, 1e-3, 1e-5, 1e-7, 0, M_PI - 1e-3, M_PI};
+    GLuint programs[3], buffers[2], array;
+    struct gpu_target target; // without one nothing runs
+    assert_true(gpu_target_init(gpu, &target, WIDTH, HEIGHT, GL_RGBA8));
+    gpu_target_begin(gpu, &target);
+    double worst = 0, acos_m = HUGE_VAL;
+    for (int form = 0; form < 3; form++) programs[form] = angles_program(form);
+    glGenVertexArrays(1, &array);
+    glBindVertexArray(array);
+    glGenBuffers(2, buffers);
+    glBindBuffer(GL_TRANSFORM_FEEDBACK_BUFFER, buffers[1]);
+    gpu_buffer_data(gpu, GL_TRANSFORM_FEEDBACK_BUFFER, RING * 2 * sizeof(float), NULL, GL_STREAM_READ);
+    for (size_t k = 0; k < sizeof POLAR / sizeof *POLAR; k++) {
+        for (double reach_m = 1; reach_m <= 1e6; reach_m *= 10)
+            worst = fmax(worst, ring_error_m(programs[0], buffers, POLAR[k], reach_m) / reach_m);
+        acos_m = fmin(acos_m, ring_error_m(programs[1], buffers, POLAR[k], 1));
+    }
+    double printed_m = ring_error_m(programs[2], buffers, M_PI / 2, 1e5);
+    FIGURE("D2: shaders sample off by at most %.1e of the distance; with acos by %.2f m at least on rings of "
+           "1 m; "
+           "as printed by %.0f km on a ring of 100 km",
+           worst, acos_m, printed_m / 1000);
+    assert_true(worst <= 3e-5);
+    assert_true(acos_m > 3e-5 && printed_m > 3e-5 * 1e5);
+    for (int form = 0; form < 3; form++) glDeleteProgram(programs[form]);
+    glDeleteBuffers(2, buffers);
+    glBindVertexArray(0);
+    glDeleteVertexArrays(1, &array);
+    gpu_target_finish(&target);
 }
 
 // ---- D5 --------------------------------------------------------------------
@@ -120,31 +222,39 @@ static void add_change(struct change *change, double value, int steps)
     change->mean += value / steps;
 }
 
-// Over the pole along the meridian of 0 degrees, or westwards over the meridian of 0 along the equator:
-// turned_planet() has the same ground along both.
-static struct camera walker(bool polar, double along_m, double eye_m)
+enum walk_place { EQUATOR, NORTH_POLE, SOUTH_POLE };
+
+// Over a pole along the meridian of 0 degrees, or westwards over the meridian of 0 along the equator:
+// turned_planet() has the same ground at the equator and at the north pole.
+static struct camera walker(const struct terrain *terrain, enum walk_place place, double along_m,
+                            double eye_m)
 {
-    double pole_m = 0.5 * M_PI * SMALL_RADIUS_M;
-    bool over = polar && along_m > 0; // southwards from there, on the meridian of 180 degrees
+    double pole_m = 0.5 * M_PI * terrain_info(terrain)->radius_m, side = place == SOUTH_POLE ? -1 : 1;
+    bool over = place != EQUATOR && along_m > 0; // away from the pole, on the meridian of 180 degrees
     struct camera camera = {{-along_m, 0, eye_m}, M_PI, -0.35, 0, 60 * DEGREE};
-    if (!polar) return camera;
+    if (place == EQUATOR) return camera;
     camera.eye_m[0] = over ? 2 * pole_m : 0;
-    camera.eye_m[1] = pole_m - fabs(along_m);
-    camera.yaw = over ? -M_PI / 2 : M_PI / 2;
+    camera.eye_m[1] = side * (pole_m - fabs(along_m));
+    camera.yaw = side * (over ? -M_PI / 2 : M_PI / 2);
     return camera;
 }
 
-// 20 m over the ground in the middle of the walk.
-static double walker_height(const struct terrain *terrain, bool polar)
+// 20 m over the highest ground under the walk.
+static double walker_height(const struct terrain *terrain, enum walk_place place, int steps)
 {
-    double q = 0;
     const struct terrain_info *info = terrain_info(terrain);
-    assert_true(terrain_truth_at(terrain, 0, polar ? 0.5 * M_PI * SMALL_RADIUS_M : 0, &q, NULL));
-    return q * info->quantum_m + info->offset_m + 20;
+    double most_q = -HUGE_VAL;
+    for (int step = 0; step <= steps; step++) {
+        double q = 0;
+        struct camera camera = walker(terrain, place, step - 0.5 * steps, 0);
+        assert_true(terrain_truth_at(terrain, camera.eye_m[0], camera.eye_m[1], &q, NULL));
+        most_q = fmax(most_q, q);
+    }
+    return most_q * info->quantum_m + info->offset_m + 20;
 }
 
 // The change from one frame to the next, the largest and the mean over the walk.
-static struct walk_change walk(const struct terrain *terrain, bool polar, int steps)
+static struct walk_change walk(const struct terrain *terrain, enum walk_place place, int steps)
 {
     static float places[2][PIXELS][4];
     static uint8_t colours[2][PIXELS][4];
@@ -153,9 +263,9 @@ static struct walk_change walk(const struct terrain *terrain, bool polar, int st
     struct renderer *renderer = create(terrain, "n=127");
     assert_true(gpu_target_init(gpu, &target, WIDTH, HEIGHT, GL_RGBA32F));
     assert_true(gpu_target_init(gpu, &colour_target, WIDTH, HEIGHT, GL_RGBA8));
-    double eye_m = walker_height(terrain, polar);
+    double eye_m = walker_height(terrain, place, steps);
     for (int step = 0; step <= steps; step++) {
-        struct camera camera = walker(polar, step - 0.5 * steps, eye_m);
+        struct camera camera = walker(terrain, place, step - 0.5 * steps, eye_m);
         struct view view;
         view_init(&view, terrain, &camera, WIDTH, HEIGHT, 1);
         prepare(renderer, terrain, &view, step);
@@ -175,20 +285,46 @@ static struct walk_change walk(const struct terrain *terrain, bool polar, int st
     return change;
 }
 
+// D5: at most twice the change over the equator.
+static void hold_even(const char *planet, const char *where, const struct walk_change *pole,
+                      const struct walk_change *equator)
+{
+    FIGURE("D5, %s: a step of 1 m changes places by %.2e px at most, %.2e in the mean over the %s pole; %.2e "
+           "and "
+           "%.2e over the equator",
+           planet, pole->px.worst, pole->px.mean, where, equator->px.worst, equator->px.mean);
+    FIGURE("D5, %s: and colours by %.2f of 255 at most, %.2f in the mean; %.2f and %.2f over the equator",
+           planet, pole->colour.worst, pole->colour.mean, equator->colour.worst, equator->colour.mean);
+    assert_true(equator->px.mean > 0 && equator->colour.mean > 0);
+    assert_true(pole->px.worst <= 2 * equator->px.worst && pole->px.mean <= 2 * equator->px.mean);
+    assert_true(pole->colour.worst <= 2 * equator->colour.worst);
+    assert_true(pole->colour.mean <= 2 * equator->colour.mean);
+}
+
 static void pictures_change_evenly_over_a_pole(void **state)
 {
     (void)state;
     struct terrain *terrain = turned_planet();
     int steps = test_size(20, 400);
-    struct walk_change pole = walk(terrain, true, steps), equator = walk(terrain, false, steps);
-    FIGURE("D5: a step of 1 m changes places by %.2e px at most, %.2e in the mean over the pole; %.2e and "
-           "%.2e over the equator",
-           pole.px.worst, pole.px.mean, equator.px.worst, equator.px.mean);
-    FIGURE("D5: and colours by %.2f of 255 at most, %.2f in the mean; %.2f and %.2f over the equator",
-           pole.colour.worst, pole.colour.mean, equator.colour.worst, equator.colour.mean);
-    assert_true(equator.px.mean > 0 && equator.colour.mean > 0);
-    assert_true(pole.px.worst <= 2 * equator.px.worst && pole.px.mean <= 2 * equator.px.mean);
-    assert_true(pole.colour.worst <= 2 * equator.colour.worst && pole.colour.mean <= 2 * equator.colour.mean);
+    struct walk_change pole = walk(terrain, NORTH_POLE, steps), equator = walk(terrain, EQUATOR, steps);
+    hold_even("hills the same at both", "north", &pole, &equator);
+    terrain_destroy(terrain);
+}
+
+// Earth as scenes have it: stored cells of 9 km, detail of 0.6 m.
+static void earth_changes_evenly_over_its_poles(void **state)
+{
+    (void)state;
+    char path[1024];
+    if (!test_data("earth_etopo5_4320x2161.png", path)) skip();
+    struct terrain *terrain =
+        terrain_load(path, &(struct terrain_options){.synthesize_levels = 14, .seed = 1});
+    assert_non_null(terrain);
+    int steps = test_size(20, 400);
+    struct walk_change north = walk(terrain, NORTH_POLE, steps), south = walk(terrain, SOUTH_POLE, steps),
+                       equator = walk(terrain, EQUATOR, steps);
+    hold_even("Earth", "north", &north, &equator);
+    hold_even("Earth", "south", &south, &equator);
     terrain_destroy(terrain);
 }
 
@@ -371,9 +507,11 @@ static void rings_join_bit_for_bit(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(shaders_sample_where_they_should),
         cmocka_unit_test(the_nearer_hides_the_farther),
         cmocka_unit_test(rings_join_bit_for_bit),
         cmocka_unit_test(pictures_change_evenly_over_a_pole),
+        cmocka_unit_test(earth_changes_evenly_over_its_poles),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

@@ -46,17 +46,6 @@ static void positions_keep_their_height(void **state)
 
 // ---- D2: where a vertex samples ----------------------------------------------
 
-// The same angles in long double, from exact rings.
-static void exact_angles(double latitude, double angle, double azimuth, double exact[2])
-{
-    long double s = sinl(angle), half = sinl((long double)angle / 2), c = 2 * half * half;
-    long double px = -s * sinl(azimuth), py = s * cosl(azimuth), sine = cosl(latitude),
-                cosine = sinl(latitude);
-    long double x = cosine * px + sine * (1 - c), a = sine * px + cosine * c, across = hypotl(x, py);
-    exact[0] = (double)atan2l(py, x);
-    exact[1] = (double)(-2 * atan2l(a, sine + across));
-}
-
 // Worst error on a ring, metres on the ground.
 static double ring_error_m(enum sphere_form form, double latitude, double reach_m)
 {
@@ -66,7 +55,7 @@ static double ring_error_m(enum sphere_form form, double latitude, double reach_
         float v[3] = {(float)(cos(azimuth) * sin(angle)), (float)(sin(azimuth) * sin(angle)),
                       (float)(2 * half * half)},
               found[2];
-        exact_angles(latitude, angle, azimuth, exact);
+        test_exact_angles(latitude, angle, azimuth, exact);
         sphere_angles(form, latitude, v, found);
         double east = remainder((double)found[0] - exact[0], 2 * M_PI) * cos(latitude + exact[1]),
                north = (double)found[1] - exact[1];
