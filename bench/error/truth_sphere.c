@@ -558,11 +558,14 @@ static double value_at(const struct narrowing *n, const struct at *at)
 
 static struct at narrow(const struct narrowing *n, struct at a, struct at b, double fa, double fb)
 {
-    for (int k = 0, side = 0; k < 100 && b.t - a.t > 4 * DBL_EPSILON * fabs(b.t); k++) {
-        double t = k % 8 == 7 ? 0.5 * (a.t + b.t) : a.t + (b.t - a.t) * (fa / (fa - fb));
-        struct at m = at_time(n->ray, clamp(t, a.t, b.t), a.place[0]);
+    // One step in four halves the interval, which so ends at neighbouring times whatever f does.
+    for (int k = 0, side = 0; k < 240 && b.t - a.t > 4 * DBL_EPSILON * fabs(b.t); k++) {
+        double t = a.t + (b.t - a.t) * (fa / (fa - fb)), middle = 0.5 * (a.t + b.t);
+        if (k % 4 == 3 || !(t > a.t && t < b.t)) t = middle; // halved values lead past the end, too
+        if (t == a.t || t == b.t) break;
+        struct at m = at_time(n->ray, t, a.place[0]);
         double f = value_at(n, &m);
-        if (f == 0 || m.t == a.t || m.t == b.t) return m;
+        if (f == 0) return m;
         if ((f > 0) == (fa > 0)) {
             a = m, fa = f;
             if (side == 1) fb *= 0.5;
