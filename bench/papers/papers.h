@@ -5,7 +5,8 @@
 // add one, write the function and give it a line in papers.c.
 //
 //   papers.c               the list of tables, options, the order of work
-//   table.c, flight.c      a table as text, JSON and HTML; timed flights of renderers
+//   table.c                a table as text, JSON and HTML
+//   flight.c, motion.c     timed flights of renderers; what moves on the screen
 //   clipmap.c, mars.c      Losasso & Hoppe 2004; geometry clipmapping for Mars
 //   compression.c          what both papers print of their coders
 //   coders.c               the coder beside other people's
@@ -81,6 +82,16 @@ struct papers_flight { // one setting over a whole path
 bool papers_fly(const struct papers *papers, const struct scene *scene, int frames,
                 struct papers_flight *flights,
                 int count); // false after one line on stderr
+
+// Errors against the truth over `looks` frames of the whole path, and how far drawn ground moves on the
+// screen, the camera's motion taken out, while the eye goes on from each by 1 / steps of the way to the next:
+// popping and swimming.  False after one line on stderr.
+struct papers_motion {
+    double error_mean_px, error_p999_px;
+    double mean_px, p999_px, max_px;
+};
+bool papers_look(const struct papers *papers, const struct scene *scene, const struct papers_flight *flight,
+                 int looks, int steps, struct papers_motion *motion);
 
 // A counter by its name; NAN: there is none.
 double papers_counter(const struct renderer_counter *counters, const char *name);
