@@ -158,6 +158,66 @@ bool papers_geomipmap_work(struct papers *papers, struct papers_table *table)
     return true;
 }
 
+// ---- popping -----------------------------------------------------------------------------------
+
+static double path_m(const struct scene *scene)
+{
+    enum { PARTS = 1024 };
+    struct view view;
+    double length_m = 0, last[3] = {0, 0, 0};
+    for (int frame = 0; frame < PARTS; frame++) {
+        double squares = 0;
+        scene_view(scene, frame, PARTS, &view);
+        for (int axis = 0; axis < 3; axis++) {
+            squares += pow(view.eye_m[axis] - last[axis], 2);
+            last[axis] = view.eye_m[axis];
+        }
+        length_m += frame > 0 ? sqrt(squares) : 0;
+    }
+    return length_m;
+}
+
+bool papers_geomipmap_motion(struct papers *papers, struct papers_table *table)
+{
+    static const char *const labels[] = {"levels change at once", "hysteresis 0.2", "vertices morph",
+                                         "filtered levels (default)"};
+    struct papers_flight flights[] = {
+        {.type = &geomipmap_renderer, .knobs = {"heights", "samples"}},
+        {.type = &geomipmap_renderer, .knobs = {"heights", "samples", "hysteresis", "0.2"}},
+        {.type = &geomipmap_renderer, .knobs = {"heights", "samples", "morph", "on"}},
+        {.type = &geomipmap_renderer},
+    };
+    enum { COUNT = sizeof labels / sizeof labels[0], LOOKS = 12, STEPS = 1024 };
+    static const char *const names[] = {"frame", "draw",  "triangles", "error",
+                                        "error", "moves", "moves",     "moves"};
+    static const char *const units[] = {"ms",        "ms",       "thousand",  "px, mean",
+                                        "px, p99.9", "px, mean", "px, p99.9", "px, most"};
+    struct scene *scene = papers_detailed_scene(papers);
+    snprintf(table->title, sizeof table->title, "Popping, and what morphing costs");
+    snprintf(table->row_name, sizeof table->row_name, "17 x 17, tau 1");
+    for (int c = 0; c < 8; c++) papers_column(table, names[c], units[c], false);
+    if (!scene || !papers_fly(papers, scene, FRAMES, flights, COUNT)) return false;
+    for (int f = 0; f < COUNT; f++) {
+        struct papers_motion motion;
+        if (!papers_look(papers, scene, &flights[f], LOOKS, STEPS, &motion)) return false;
+        double *values = papers_row(table, "%s", labels[f]);
+        values[0] = flights[f].frame_ms, values[1] = flights[f].draw_ms;
+        values[2] = flights[f].triangles * 1e-3;
+        values[3] = motion.error_mean_px, values[4] = motion.error_p999_px;
+        values[5] = motion.mean_px, values[6] = motion.p999_px, values[7] = motion.max_px;
+    }
+    papers_note(
+        table,
+        "The paper lets levels change at once and prints no figure. Moves: how far drawn ground moves on "
+        "the screen, the camera's motion taken out, while the eye goes on by %.1f m, from %d places of its "
+        "path: temporal_px over small steps.",
+        path_m(scene) / (LOOKS * STEPS), LOOKS);
+    papers_note(table,
+                "Hysteresis keeps levels from changing to and fro with the eye; on a path that goes on it "
+                "only costs.");
+    return true;
+}
+
 // ---- a large map on disk -----------------------------------------------------------------------
 
 enum { LARGE_LEVELS = 3, LARGE_FRAMES = 48 };

@@ -39,6 +39,7 @@ static const struct papers_entry {
     {"geomipmap-sets", "Brodersen 2005, section 5, index sets", papers_geomipmap_sets},
     {"geomipmap-rate", "Brodersen 2005, sections 4 to 6", papers_geomipmap_rate},
     {"geomipmap-work", "Brodersen 2005, section 6, CPU work", papers_geomipmap_work},
+    {"geomipmap-motion", "Brodersen 2005, section 4, levels that change", papers_geomipmap_motion},
     {"geomipmap-large", "Brodersen 2005, section 6, a large map", papers_geomipmap_large},
 };
 enum { ENTRIES = sizeof entries / sizeof entries[0] };

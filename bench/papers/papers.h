@@ -114,7 +114,7 @@ papers_measure papers_clipmap_space, papers_clipmap_compression, papers_clipmap_
     papers_clipmap_apart, papers_mars_compression, papers_mars_growth;          // compression.c
 papers_measure papers_mars_rendering;                                           // Mars, Table 3
 papers_measure papers_sphere_views, papers_sphere_kept, papers_sphere_sampling; // Clasen & Hege 2006
-papers_measure papers_geomipmap_sets, papers_geomipmap_rate, papers_geomipmap_work,
+papers_measure papers_geomipmap_sets, papers_geomipmap_rate, papers_geomipmap_work, papers_geomipmap_motion,
     papers_geomipmap_large; // Brodersen 2005
 papers_measure papers_pgm_rates, papers_pgm_steps, papers_pgm_extension, papers_pgm_distortion,
     papers_pgm_error, papers_pgm_angles, papers_pgm_updates, papers_pgm_culled; // Livny et al. 2008
