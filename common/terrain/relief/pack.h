@@ -4,6 +4,7 @@
 //   pack_poles.c     what stands in the poles of a planet's levels
 //   pack_stages.c    regions, stages and the top: reduced and coded
 //   pack_steps.c     the steps that reach an aim
+//   pack_region.c    one region: reduced, coded, and measured against level 0 (pack_squares.c)
 //   pack_assemble.c  the file, from what was coded
 // SPDX-License-Identifier: MIT
 #ifndef COMMON_TERRAIN_RELIEF_PACK_H
