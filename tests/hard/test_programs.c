@@ -193,6 +193,15 @@ static void test_bad_input_is_one_line(void **state)
     assert_one_line(run("bench papers --out /proc/relief"), EXIT_WORLD, "/proc/relief");
     assert_one_line(run("bench run --sweep slow --out %s/bad", f), EXIT_COMMAND_LINE, "--sweep");
     assert_one_line(run("bench run --frames 0 --out %s/bad", f), EXIT_COMMAND_LINE, "--frames");
+    static const char *const pack[][2] = {{"", "--rms"},
+                                          {"--rms 1 --lossless", "--lossless"},
+                                          {"--rms 0", "--rms 0"},
+                                          {"--rms 1 --codec bounded", "bounded"},
+                                          {"--codec raw --max 1", "raw"},
+                                          {"--max 1 --scaled", "--scaled"}};
+    for (size_t i = 0; i < sizeof pack / sizeof *pack; i++)
+        assert_one_line(run("terrain pack %s/hills.png %s/bad.relief %s", f, f, pack[i][0]),
+                        EXIT_COMMAND_LINE, pack[i][1]);
     assert_one_line(run("bench soar"), EXIT_COMMAND_LINE, "soar");
     assert_one_line(run("bench fly --frames 0"), EXIT_COMMAND_LINE, "--frames");
     assert_one_line(run("bench fly --renderers roam"), EXIT_COMMAND_LINE, "roam");

@@ -157,9 +157,11 @@ int relief_pack_main(int argc, char **argv)
                     ".relief are expected"),
                EXIT_COMMAND_LINE;
     if (!choose(codec, rms_m, max_m, lossless, &pack)) return EXIT_COMMAND_LINE;
+    if (scaled && pack.layout != LAYOUT_PYRAMID)
+        return fail("pack: --scaled goes with --codec pyramid alone"), EXIT_COMMAND_LINE;
     pack.memory_bytes = (size_t)memory_mib << 20;
     pack.threads = threads;
-    pack.scaled = scaled && pack.layout == LAYOUT_PYRAMID;
+    pack.scaled = scaled;
     pack.restart = restart;
     pack.progress = progress || isatty(STDERR_FILENO);
     return run_pack(words[0], words[1], &pack);
