@@ -54,7 +54,8 @@ struct renderer_stats { // of this frame
         triangles; // submitted by the last draw of view 0, stitches included, counted by the renderer itself
     double claimed_error_px; // what the method promises for this frame's view 0; NAN: it claims nothing
     uint64_t resident_bytes; // held in buffers and textures
-    double select_ms; // CPU time of the update that decided what to draw, uploads apart; 0: not told apart
+    double select_ms;  // CPU time of the update that decided what to draw, uploads apart; 0: not told apart
+    double prepare_ms; // wall time of create() for what it makes of the terrain, a light map; 0: nothing
     struct renderer_counter counters[RENDERER_MAX_COUNTERS]; // names NULL beyond the last
 };
 

@@ -625,7 +625,8 @@ static size_t tile_bytes(const struct geomipmap *g)
         bytes +=
             (size_t)g->form_room * sizeof *g->forms / RENDERER_MAX_VIEWS +
             geomipmap_selection_bytes(&view->selection) +
-            (size_t)view->room * (sizeof *view->counts + sizeof *view->first + sizeof *view->base_vertex) +
+            (size_t)view->room * (sizeof *view->counts + sizeof *view->first + sizeof *view->base_vertex +
+                                  (view->blocks ? sizeof *view->blocks : 0)) +
             (size_t)view->morph_room * sizeof *view->morphs;
     }
     return bytes;
@@ -644,7 +645,6 @@ static void add_shading_counters(const struct geomipmap *g, struct renderer_stat
         (struct renderer_counter){"texture_ahead", (double)(light->ahead + colour->ahead - g->ahead_before)};
     stats->counters[n++] =
         (struct renderer_counter){"blocks_by_overview", light->shown_by_overview + colour->shown_by_overview};
-    stats->counters[n++] = (struct renderer_counter){"light_map_ms", g->shading.light_ms};
 }
 
 static void stats(const struct renderer *renderer, struct renderer_stats *stats)
@@ -660,6 +660,7 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
         .resident_bytes =
             buffer_bytes(g) + g->shading.light.resident_bytes + g->shading.colour.resident_bytes,
         .select_ms = g->select_ms,
+        .prepare_ms = g->shading.light_ms,
         .counters = {{"tiles", g->view_count > 0 ? g->views[0].drawn : 0},
                      {"hits", (double)(now->hits - before->hits)},
                      {"misses", (double)(now->misses - before->misses)},

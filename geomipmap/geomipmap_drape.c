@@ -256,6 +256,12 @@ void geomipmap_drape_finish(struct geomipmap_drape *drape)
     *drape = (struct geomipmap_drape){0};
 }
 
+size_t geomipmap_drape_bytes(const struct geomipmap_drape *drape)
+{
+    size_t blocks = drape->subs ? (size_t)drape->blocks.columns * (size_t)drape->blocks.rows : 0;
+    return blocks * sizeof *drape->subs + (size_t)drape->level_room * sizeof *drape->levels;
+}
+
 void geomipmap_drape_bind(const struct geomipmap_drape *drape, int block, const double eye_m[3],
                           float place[4])
 {

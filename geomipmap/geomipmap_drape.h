@@ -55,6 +55,9 @@ bool geomipmap_drape_init(struct geomipmap_drape *drape, struct gpu *gpu,
                           const struct geomipmap_blocks *blocks, int most_px, size_t ceiling_bytes);
 void geomipmap_drape_finish(struct geomipmap_drape *drape); // accepts a zeroed drape; leaves the picture
 
+// Of memory, its lists; pixels and textures not counted.
+size_t geomipmap_drape_bytes(const struct geomipmap_drape *drape);
+
 // Makes what a frame needs resident.  pixels_per_tangent: the largest of its views'.  False after one line on
 // stderr.
 bool geomipmap_drape_ask(struct geomipmap_drape *drape, const struct geomipmap_need *needs, int count,

@@ -133,7 +133,9 @@ size_t geomipmap_shading_bytes(const struct geomipmap_shading *shading)
         bytes += (size_t)shading->light_picture.level[level].width *
                  (size_t)shading->light_picture.level[level].height;
     return bytes + (size_t)shading->ordered_room * sizeof *shading->ordered +
-           blocks * (sizeof *shading->need_of + sizeof *shading->needs + sizeof *shading->starts);
+           blocks * (sizeof *shading->need_of + sizeof *shading->needs + sizeof *shading->starts +
+                     sizeof *shading->ranges + sizeof *shading->coming) +
+           geomipmap_drape_bytes(&shading->light) + geomipmap_drape_bytes(&shading->colour);
 }
 
 void geomipmap_shading_use_program(struct geomipmap_shading *shading, GLuint program)
