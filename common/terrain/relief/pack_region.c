@@ -475,38 +475,60 @@ static bool surface_init(struct surface *s, struct region *r, int level, const s
     return good;
 }
 
-// Largest |a + u b - cell fine[u]| for u in from..to-1.
-static int64_t line_error(int64_t a, int64_t b, int64_t cell, const int32_t *fine, int64_t from, int64_t to)
+enum { REFERENCE = 3 }; // levels up to this are compared with level 0 sample by sample (pack_squares.h)
+
+// Largest |a + u b - cell fine[u]| for u in from..to-1; adds their squares.
+static int64_t line_error(int64_t a, int64_t b, int64_t cell, const int32_t *fine, int64_t from, int64_t to,
+                          uint64_t *squares)
 {
     int64_t most = 0;
+    uint64_t sum = 0;
     for (int64_t u = from; u < to; u++) {
         int64_t off = llabs(a + u * b - cell * fine[u]);
+        sum += (uint64_t)off * (uint64_t)off;
         most = off > most ? off : most;
     }
+    *squares += sum;
     return most;
 }
 
-// Largest |surface - level 0| over each cell, edges included, times 2^level.
-static void cell_errors(const struct surface *s, const struct region *r, int64_t *errors)
+// Largest |surface - level 0| over each cell, edges included, times 2^level; returns the sum of the squares
+// at the region's own samples, which is right up to level REFERENCE.
+static squares_wide cell_errors(const struct surface *s, const struct region *r, int64_t *errors)
 {
-    const struct rect *core = &r->level[0].core, *known = &r->level[0].decoded.rect;
+    const struct rect *core = &r->level[0].core, *known = &r->level[0].decoded.rect, own = own_samples(r);
     int64_t cell = (int64_t)1 << s->level, stride = rect_width(&s->at.rect), columns = rect_width(&s->cells);
+    squares_wide squares = 0;
     memset(errors, 0, (size_t)(columns * rect_height(&s->cells)) * sizeof *errors);
     for (int64_t y = core->y0; y < known->y1; y++) {
         int64_t j = y >> s->level, v = y - j * cell;
         const int32_t *south = patch_at(&s->at, s->cells.x0, j), *north = v ? south + stride : south;
         int64_t *out = errors + (j - s->cells.y0) * columns;
         const int32_t *fine = patch_at(&r->level[0].decoded, core->x0, y);
+        bool own_row = y >= own.y0 && y < own.y1;
         for (int64_t i = 0; i < columns; i++, fine += cell) {
             int64_t sw = south[i], se = south[i + 1], nw = north[i], ne = north[i + 1];
-            int64_t end = smaller(cell + 1, known->x1 - (s->cells.x0 + i) * cell), middle = smaller(v, end);
-            int64_t a = line_error(sw * cell + v * (nw - sw), ne - nw, cell, fine, 0, middle);
-            int64_t b = line_error(sw * cell + v * (ne - se), se - sw, cell, fine, middle, end);
+            int64_t x = (s->cells.x0 + i) * cell, end = smaller(cell, known->x1 - x),
+                    middle = smaller(v, end);
+            int64_t over = sw * cell + v * (nw - sw), under = sw * cell + v * (ne - se);
+            uint64_t sum = 0, beyond = 0;
+            int64_t a = line_error(over, ne - nw, cell, fine, 0, middle, &sum);
+            int64_t b = line_error(under, se - sw, cell, fine, middle, end, &sum);
             a = a > b ? a : b;
+            if (x + cell < known->x1) // the edge to the east, which is the next cell's
+                a = larger(a, line_error(under, se - sw, cell, fine, cell, cell + 1, &beyond));
+            if (x < own.x0 || x + end > own.x1) { // a planet's margin
+                int64_t from = larger(own.x0 - x, 0), to = smaller(own.x1 - x, end);
+                sum = 0;
+                line_error(over, ne - nw, cell, fine, from, smaller(middle, to), &sum);
+                line_error(under, se - sw, cell, fine, larger(middle, from), to, &sum);
+            }
+            if (own_row) squares += sum;
             if (j < s->cells.y1) out[i] = a > out[i] ? a : out[i];
             if (v == 0 && j > s->cells.y0) out[i - columns] = larger(out[i - columns], a);
         }
     }
+    return squares;
 }
 
 static uint32_t rounded_up(int64_t error, int bits)
@@ -574,17 +596,13 @@ size_t region_beyond(const struct region *region)
     return count;
 }
 
-enum { REFERENCE = 3 }; // levels up to this are compared with level 0 sample by sample (pack_squares.h)
-
-// Squares of what a surface differs from level 0 over row j of its cells; with `cells` also the sums of the
-// two triangles of each, under the diagonal and over it.
-static squares_wide sum_cells(const struct surface *s, const struct region *r, int64_t j,
-                              struct triangle_sums (*cells)[2])
+// Sums of the two triangles of each cell in row j of a surface: under the diagonal, over it.
+static void sum_cells(const struct surface *s, const struct region *r, int64_t j,
+                      struct triangle_sums (*cells)[2])
 {
     const struct rect own = own_samples(r);
     int64_t cell = (int64_t)1 << s->level;
-    squares_wide squares = 0;
-    if (cells) memset(cells, 0, (size_t)rect_width(&s->cells) * sizeof *cells);
+    memset(cells, 0, (size_t)rect_width(&s->cells) * sizeof *cells);
     for (int64_t y = larger(j * cell, own.y0); y < smaller((j + 1) * cell, own.y1); y++) {
         int64_t v = y - j * cell;
         const int32_t *south = patch_at(&s->at, s->cells.x0, j);
@@ -596,49 +614,54 @@ static squares_wide sum_cells(const struct surface *s, const struct region *r, i
             const struct triangle_line under = {sw * cell + v * (ne - se), se - sw, v, larger(v, from), to};
             const struct triangle_line over = {sw * cell + v * (nw - sw), ne - nw, v, from, smaller(v, to)};
             const int32_t *fine = patch_at(&r->level[0].decoded, x, y);
-            squares += triangle_line_squares(&under, cell, fine) + triangle_line_squares(&over, cell, fine);
-            if (cells) triangle_add_line(&cells[i][0], &under, cell, fine);
-            if (cells) triangle_add_line(&cells[i][1], &over, cell, fine);
+            triangle_add_line(&cells[i][0], &under, cell, fine);
+            triangle_add_line(&cells[i][1], &over, cell, fine);
         }
     }
-    return squares;
 }
 
-// The same of a level above, from the sums over the cells of the reference level.
+// What a surface differs from the reference level's at a vertex of that, times 2^up.
+static int64_t corner_of(const struct surface *s, const struct surface *reference, int64_t x, int64_t y)
+{
+    int up = s->level - reference->level;
+    return height_at(s, up, x, y) - *patch_at(&reference->at, x, y) * ((int64_t)1 << up);
+}
+
+// Squares of what a surface differs from level 0 over a row of the reference level's cells.
 static squares_wide row_squares(const struct surface *s, const struct surface *reference, int64_t j,
                                 struct triangle_sums (*cells)[2])
 {
     int up = s->level - reference->level, shift = reference->level;
+    int64_t x0 = reference->cells.x0, sw = corner_of(s, reference, x0, j),
+            nw = corner_of(s, reference, x0, j + 1);
     squares_wide squares = 0;
     for (int64_t i = 0; i < rect_width(&reference->cells); i++) {
-        int64_t corner[4]; // what the surfaces differ there: south-west, south-east, north-west, north-east
-        for (int k = 0; k < 4; k++) {
-            int64_t x = reference->cells.x0 + i + (k & 1), y = j + (k >> 1);
-            corner[k] = height_at(s, up, x, y) - *patch_at(&reference->at, x, y) * ((int64_t)1 << up);
-        }
-        int64_t middle = corner[0] * ((int64_t)1 << shift);
-        const int64_t planes[2][3] = {{middle, corner[1] - corner[0], corner[3] - corner[1]},
-                                      {middle, corner[3] - corner[2], corner[2] - corner[0]}};
-        for (int t = 0; t < 2; t++) squares += triangle_squares(&cells[i][t], planes[t], up);
+        int64_t se = corner_of(s, reference, x0 + i + 1, j), ne = corner_of(s, reference, x0 + i + 1, j + 1);
+        int64_t origin = sw * ((int64_t)1 << shift);
+        const int64_t under[3] = {origin, se - sw, ne - se}, over[3] = {origin, ne - nw, nw - sw};
+        squares += triangle_squares(&cells[i][0], under, up) + triangle_squares(&cells[i][1], over, up);
+        sw = se, nw = ne;
     }
     return squares;
 }
 
+// Of the levels from the reference on; measure_level has done those below.
 static bool measure_squares(struct region *r, const struct region_reader *reader)
 {
     int count = r->coder->grid.count, lowest = r->coarse < REFERENCE ? r->coarse : REFERENCE;
-    struct surface surfaces[LAYOUT_LEVELS] = {{0}};
+    struct surface surfaces[LAYOUT_LEVELS] = {{0}}, *reference = &surfaces[lowest];
     bool good = true;
-    for (int l = 1; l < count && good; l++) good = surface_init(&surfaces[l], r, l, reader);
-    const struct rect *widest = &surfaces[1].cells;
-    struct triangle_sums(*cells)[2] = good ? malloc((size_t)(rect_width(widest) + 1) * sizeof *cells) : NULL;
-    for (int l = 1; l <= lowest && cells; l++)
-        for (int64_t j = surfaces[l].cells.y0; j < surfaces[l].cells.y1; j++) {
-            r->squares[l] += sum_cells(&surfaces[l], r, j, l == lowest ? cells : NULL);
-            for (int above = lowest + 1; l == lowest && above < count; above++)
-                r->squares[above] += row_squares(&surfaces[above], &surfaces[l], j, cells);
-        }
-    for (int l = 1; l < count; l++) free(surfaces[l].at.samples);
+    for (int l = lowest; l < count && good; l++) good = surface_init(&surfaces[l], r, l, reader);
+    size_t columns = good ? (size_t)rect_width(&reference->cells) : 0;
+    struct triangle_sums(*cells)[2] = good ? malloc((columns + 1) * sizeof *cells) : NULL;
+    for (int64_t j = reference->cells.y0; cells && j < reference->cells.y1; j++) {
+        sum_cells(reference, r, j, cells);
+        for (size_t i = 0; i < columns; i++)
+            r->squares[lowest] += (squares_wide)cells[i][0].ee + cells[i][1].ee;
+        for (int l = lowest + 1; l < count; l++)
+            r->squares[l] += row_squares(&surfaces[l], reference, j, cells);
+    }
+    for (int l = lowest; l < count; l++) free(surfaces[l].at.samples);
     free(cells);
     return cells != NULL;
 }
@@ -657,7 +680,8 @@ static void measure_level(int block, void *user)
     int64_t *errors =
         good ? malloc((size_t)(rect_width(&s.cells) * rect_height(&s.cells) + 1) * sizeof *errors) : NULL;
     if (errors) {
-        cell_errors(&s, m->region, errors);
+        squares_wide squares = cell_errors(&s, m->region, errors);
+        if (s.level < REFERENCE) m->region->squares[s.level] = squares;
         keep_tile_errors(m->region, &s, errors);
     } else
         m->failed = true;
