@@ -48,6 +48,7 @@ enum { GPU_COLOUR_UNIT = 15 }; // the last that every OpenGL 3.3 has
 struct gpu_colour {
     GLuint texture;
     char sha256[65]; // of the pixels that it holds
+    bool planet;     // levels as planet_image.h has them
 };
 
 struct gpu {

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "common/embedded.h"
 #include "common/gl/context.h"
+#include "common/gl/planet_image.h"
 #include "common/report.h"
 
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 enum { MAX_PIECES = 8 };
@@ -165,37 +167,65 @@ static bool link_program(GLuint name, const GLuint *shaders, int count, const ch
     return true;
 }
 
+static void upload_level(int level, int width, int height, const uint8_t *pixels)
+{
+    glTexImage2D(GL_TEXTURE_2D, level, GL_RGBA8, width, height, 0, GL_RGBA, GL_UNSIGNED_BYTE, pixels);
+}
+
+static bool upload_planet(const struct scene_colour *image)
+{
+    int width = image->width, height = image->height, level = 0;
+    size_t size = 4 * (size_t)width * (size_t)height;
+    uint8_t *pixels = malloc(size), *round = malloc(size);
+    bool good = pixels && round;
+    if (good) memcpy(pixels, image->pixels, size);
+    do {
+        good = good && planet_image_round(pixels, width, height, round);
+        if (good) upload_level(level++, width, height, round);
+    } while (good && planet_image_halve(pixels, &width, &height));
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, level - 1);
+    free(pixels);
+    free(round);
+    return good || fail("%s: out of memory", image->name);
+}
+
 // Draped as far as the eye sees: filtered between mipmaps.
-static bool hold_colour(struct gpu *gpu, const struct scene_colour *image)
+static bool hold_colour(struct gpu *gpu, const struct scene_colour *image, bool planet)
 {
     struct gpu_colour *held = &gpu->colour;
     int most = gpu->info.max_texture_size;
-    if (strcmp(held->sha256, image->sha256) == 0) return true;
+    if (strcmp(held->sha256, image->sha256) == 0 && held->planet == planet) return true;
     if (image->width > most || image->height > most)
         return fail("%s: %d x %d pixels; textures of this OpenGL driver have at most %d", image->name,
                     image->width, image->height, most);
-    if (!held->texture) glGenTextures(1, &held->texture);
+    if (held->texture) glDeleteTextures(1, &held->texture);
+    glGenTextures(1, &held->texture);
     glActiveTexture(GL_TEXTURE0 + GPU_COLOUR_UNIT);
     glBindTexture(GL_TEXTURE_2D, held->texture);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_LINEAR);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
-    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, planet ? GL_REPEAT : GL_CLAMP_TO_EDGE);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
-    glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, image->width, image->height, 0, GL_RGBA, GL_UNSIGNED_BYTE,
-                 image->pixels);
-    glGenerateMipmap(GL_TEXTURE_2D);
+    bool good = true;
+    if (planet) {
+        good = upload_planet(image);
+    } else {
+        upload_level(0, image->width, image->height, image->pixels);
+        glGenerateMipmap(GL_TEXTURE_2D);
+    }
     glActiveTexture(GL_TEXTURE0);
-    memcpy(held->sha256, image->sha256, sizeof held->sha256);
-    return true;
+    snprintf(held->sha256, sizeof held->sha256, "%s", good ? image->sha256 : "");
+    held->planet = planet;
+    return good;
 }
 
-static bool set_colour(struct gpu *gpu, const struct gpu_program *program,
-                       const struct scene_effects *effects)
+static bool set_colour(struct gpu *gpu, const struct gpu_program *program, const struct parts *parts)
 {
+    const struct scene_colour *colour = parts->effects->colour;
     GLint image = glGetUniformLocation(program->name, "colour_image");
-    if (!effects->colour || image < 0) return true; // absent, too, where a renderer drapes it itself
-    if (!hold_colour(gpu, effects->colour)) return false;
+    if (!colour || image < 0) return true; // absent, too, where a renderer drapes it itself
+    if (!hold_colour(gpu, colour, strstr(parts->defines, GPU_SPHERE) != NULL)) return false;
     glUseProgram(program->name);
     glUniform1i(image, GPU_COLOUR_UNIT);
     gpu->program = program->name;
@@ -215,7 +245,7 @@ bool gpu_program_build(struct gpu *gpu, struct gpu_program *program, const char 
     if (pass == PASS_POSITION) good = good && (shaders[count++] = compile_side()) != 0;
     if (good) {
         program->name = glCreateProgram();
-        if (!link_program(program->name, shaders, count, vertex_file) || !set_colour(gpu, program, effects))
+        if (!link_program(program->name, shaders, count, vertex_file) || !set_colour(gpu, program, &parts))
             gpu_program_finish(program);
     }
     for (int i = 0; i < count; i++) glDeleteShader(shaders[i]);
