@@ -64,7 +64,8 @@ static bool measure_init(struct measure *measure, struct run *run)
         !truth_init(&measure->truth, run->scene->width, run->scene->height) ||
         !frame_error_init(&measure->error, run->scene->width, run->scene->height))
         return fail("out of memory");
-    measure->roofline = roofline_create(run->gpu, &run->scene->effects);
+    measure->roofline =
+        roofline_create(run->gpu, terrain_info(run->scene->terrain)->datum, &run->scene->effects);
     return measure->roofline != NULL;
 }
 

@@ -24,13 +24,15 @@ struct roofline {
     bool failed;
 };
 
-struct roofline *roofline_create(struct gpu *gpu, const struct scene_effects *effects)
+struct roofline *roofline_create(struct gpu *gpu, enum terrain_datum datum,
+                                 const struct scene_effects *effects)
 {
     struct roofline *roofline = calloc(1, sizeof *roofline);
     if (!roofline) return fail("out of memory"), NULL;
     roofline->gpu = gpu;
     struct scene_effects common = scene_effects_common(effects);
-    if (!gpu_program_build(gpu, &roofline->program, "bench/roofline.vert", "", &common, PASS_SHADED)) {
+    const char *defines = datum == TERRAIN_SPHERE ? GPU_SPHERE : "";
+    if (!gpu_program_build(gpu, &roofline->program, "bench/roofline.vert", defines, &common, PASS_SHADED)) {
         roofline_destroy(roofline);
         return NULL;
     }

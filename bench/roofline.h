@@ -12,8 +12,9 @@
 
 struct roofline;
 
-struct roofline *roofline_create(struct gpu *gpu,
-                                 const struct scene_effects *effects); // NULL after one line on stderr
+// NULL after one line on stderr.
+struct roofline *roofline_create(struct gpu *gpu, enum terrain_datum datum,
+                                 const struct scene_effects *effects);
 void roofline_destroy(struct roofline *roofline);
 
 void roofline_begin(struct roofline *roofline, const struct view *view); // forgets the last frame's triangles
