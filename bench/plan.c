@@ -106,7 +106,8 @@ bool plan_settings(struct run *run)
     } else {
         bool fit = baselines_fit(run->scene->terrain);
         if (!fit)
-            note("brute and decimated are left out: they hold the whole map, and it does not fit in memory");
+            note(
+                "brute and decimated are left out: they draw every sample, and so many do not fit in memory");
         specs[0] = 0;
         for (int i = 0; renderer_table[i]; i++)
             if (fit || (renderer_table[i] != &brute_renderer && renderer_table[i] != &decimated_renderer))
