@@ -217,24 +217,29 @@ static void part_heights(const struct clipmap_sphere *s, const struct sphere_vie
     *high_m = info->offset_m + info->quantum_m * (double)high_q;
 }
 
+static bool is_in_frustum(const struct frustum *frustum, const struct sphere_block *block)
+{
+    for (int plane = 0; plane < FRUSTUM_PLANES; plane++)
+        if (sphere_block_reach(block, frustum->normal[plane]) + frustum->offset[plane] < 0) return false;
+    return true;
+}
+
 static void select_blocks(struct clipmap_sphere *s, struct sphere_view *own, bool same)
 {
     struct sphere_blocks *blocks = &own->blocks;
     struct frustum frustum;
     frustum_init(&frustum, &own->view);
     sphere_blocks_begin(blocks, &s->mesh, &own->range, same);
-    for (int part = 0; part < blocks->part_count; part++) {
+    for (int part = blocks->part_count - 1; part >= 0; part--) { // near ones hide far ones
         int ring[2] = {blocks->parts[part].outer, blocks->parts[part].inner};
         bool test = s->choice.cull && ring[0] < ring[1]; // the fan's few triangles are not worth it
         double low_m = 0, high_m = 0;
         if (test) part_heights(s, own, ring[0], ring[1], &low_m, &high_m);
         for (int sector = 0; sector < SPHERE_SECTORS; sector++) {
             int azimuth[2] = {sector * s->mesh.across, (sector + 1) * s->mesh.across};
-            double low[3], high[3];
-            unsigned mask = FRUSTUM_ALL;
-            sphere_block_box(&s->rings, &own->view, own->turn, ring, azimuth, low_m, high_m, low, high);
-            if (!test || frustum_test_box(&frustum, low, high, &mask) != FRUSTUM_OUTSIDE)
-                sphere_blocks_add(blocks, &s->mesh, part, sector);
+            struct sphere_block block;
+            sphere_block_make(&block, &s->rings, &own->view, own->turn, ring, azimuth, low_m, high_m);
+            if (!test || is_in_frustum(&frustum, &block)) sphere_blocks_add(blocks, &s->mesh, part, sector);
         }
     }
 }

@@ -56,44 +56,41 @@ struct sphere_ring_range sphere_ring_visible(const struct sphere_rings *rings, c
     return range;
 }
 
-static void widen(double value, double *low, double *high)
+void sphere_block_make(struct sphere_block *block, const struct sphere_rings *rings, const struct view *view,
+                       double turn, const int ring[2], const int azimuth[2], double low_m, double high_m)
 {
-    *low = fmin(*low, value);
-    *high = fmax(*high, value);
+    for (int k = 0; k < 2; k++) {
+        double angle = sphere_ring_angle(rings, ring[k]), half = sin(0.5 * angle);
+        double side = turn + 2 * M_PI * azimuth[k] / rings->azimuths, height_m = k ? high_m : low_m;
+        block->sine[k] = sin(angle);
+        block->fall[k] = 2 * half * half;
+        block->side[k][0] = cos(side);
+        block->side[k][1] = sin(side);
+        block->above_m[k] = height_m - view->eye_place[2];
+        block->radius_m[k] = view->radius_m - view->eye_place[2] + height_m;
+    }
 }
 
-void sphere_block_box(const struct sphere_rings *rings, const struct view *view, double turn,
-                      const int ring[2], const int azimuth[2], double low_m, double high_m, double low[3],
-                      double high[3])
+// The farthest point stands at the azimuth nearest to the direction's, then at a ring's end or where the
+// direction stands upright on the sphere, then at the highest or the lowest ground.
+double sphere_block_reach(const struct sphere_block *block, const double direction[3])
 {
-    double angle[2] = {sphere_ring_angle(rings, ring[0]), sphere_ring_angle(rings, ring[1])};
-    double planet_m = view->radius_m - view->eye_place[2],
-           radius_m[2] = {planet_m + low_m, planet_m + high_m};
-    double from = turn + 2 * M_PI * azimuth[0] / rings->azimuths,
-           to = turn + 2 * M_PI * azimuth[1] / rings->azimuths;
-    double across_low = HUGE_VAL, across_high = 0;
-    for (int a = 0; a < 2; a++)
-        for (int r = 0; r < 2; r++) widen(radius_m[r] * sin(angle[a]), &across_low, &across_high);
-    if (angle[0] > M_PI / 2 && angle[1] < M_PI / 2) across_high = radius_m[1];
-    for (int axis = 0; axis < 2; axis++) {
-        low[axis] = HUGE_VAL, high[axis] = -HUGE_VAL;
-        double offset = axis * M_PI / 2, least = HUGE_VAL, most = -HUGE_VAL; // of the cosine towards the axis
-        widen(cos(from - offset), &least, &most);
-        widen(cos(to - offset), &least, &most);
-        double begin = (from - offset) / M_PI, end = (to - offset) / M_PI; // extremes at whole numbers
-        for (double k = ceil(begin); k <= end; k++) widen(fmod(fabs(k), 2) == 0 ? 1 : -1, &least, &most);
-        widen(least * across_low, &low[axis], &high[axis]);
-        widen(least * across_high, &low[axis], &high[axis]);
-        widen(most * across_low, &low[axis], &high[axis]);
-        widen(most * across_high, &low[axis], &high[axis]);
-    }
-    low[2] = HUGE_VAL, high[2] = -HUGE_VAL;
-    for (int a = 0; a < 2; a++)
+    const double *d = direction, *from = block->side[0], *to = block->side[1];
+    double along = fmax(d[0] * from[0] + d[1] * from[1], d[0] * to[0] + d[1] * to[1]);
+    bool between = from[0] * d[1] - from[1] * d[0] >= 0 && d[0] * to[1] - d[1] * to[0] >= 0;
+    if (between) along = hypot(d[0], d[1]);
+    double length = hypot(along, d[2]), fall = length > 0 ? 1 - d[2] / length : 0;
+    double sine[3] = {block->sine[0], block->sine[1], length > 0 ? along / length : 0};
+    double falls[3] = {block->fall[0], block->fall[1], fall}, reach = -HUGE_VAL, distance = 0;
+    int count = along >= 0 && fall >= block->fall[1] && fall <= block->fall[0] ? 3 : 2;
+    for (int a = 0; a < count; a++)
         for (int r = 0; r < 2; r++) {
-            double half = sin(0.5 * angle[a]);
-            widen((r ? high_m : low_m) - view->eye_place[2] - radius_m[r] * 2 * half * half, &low[2],
-                  &high[2]);
+            double across = block->radius_m[r] * sine[a],
+                   up = block->above_m[r] - block->radius_m[r] * falls[a];
+            reach = fmax(reach, across * along + up * d[2]);
+            distance = fmax(distance, across + fabs(up));
         }
+    return reach + 1e-6 * distance * (fabs(d[0]) + fabs(d[1]) + fabs(d[2]));
 }
 
 double sphere_transport(const struct view *last, double turn, const struct view *now)

@@ -41,11 +41,17 @@ struct sphere_ring_range {
 struct sphere_ring_range sphere_ring_visible(const struct sphere_rings *rings, const struct terrain *terrain,
                                              const struct view *view, double over_ground_m);
 
-// The box, relative to the eye, of a block of rings and azimuths over heights low_m..high_m above the datum.
-// turn: angle of azimuth 0 from east.
-void sphere_block_box(const struct sphere_rings *rings, const struct view *view, double turn,
-                      const int ring[2], const int azimuth[2], double low_m, double high_m, double low[3],
-                      double high[3]);
+// A block of rings, ring[0] the outer one, and azimuths, less than half a turn, over heights low_m..high_m
+// above the datum.  turn: angle of azimuth 0 from east.
+struct sphere_block {
+    double radius_m[2], above_m[2]; // of the lowest and the highest ground: from the centre, over the eye
+    double sine[2], fall[2];        // of the rings' angles; fall: 1 - cosine
+    double side[2][2];              // the azimuths' directions
+};
+void sphere_block_make(struct sphere_block *block, const struct sphere_rings *rings, const struct view *view,
+                       double turn, const int ring[2], const int azimuth[2], double low_m, double high_m);
+// How far a block reaches from the eye in a direction (its length times that), and 1e-6 of its distance more.
+double sphere_block_reach(const struct sphere_block *block, const double direction[3]);
 
 // The azimuth's parallel transport (numerics.md, D5): the pattern's turn from east at a new view, given that
 // at the last one.

@@ -363,8 +363,12 @@ static void rings_end_at_a_pixel(void **state)
 
 // ---- blocks ------------------------------------------------------------------------
 
-static void boxes_hold_their_blocks(void **state)
+// A block's reach is that of its farthest point: none goes farther, and on a grid of places within it one
+// goes as far but for what an arc bends between two of them.
+static void blocks_reach_as_far_as_they_do(void **state)
 {
+    enum { STEPS = 8 };
+    static const double HEIGHTS_M[2] = {-500, 4000};
     (void)state;
     struct terrain *terrain = test_planet(128, 3000, 7, 0);
     struct sphere_rings rings = sphere_rings_make(127);
@@ -377,18 +381,31 @@ static void boxes_hold_their_blocks(void **state)
         ring[1] = ring[0] + 1 + (int)(test_random(&seed) % 24);
         if (ring[1] > rings.count - 1) ring[1] = rings.count - 1;
         azimuth[1] = azimuth[0] + 1 + (int)(test_random(&seed) % 64);
-        double turn = test_uniform(&seed, -4, 4), low[3], high[3];
-        sphere_block_box(&rings, &view, turn, ring, azimuth, -500, 4000, low, high);
-        for (int p = 0; p < 30; p++) {
-            double r =
-                test_uniform(&seed, sphere_ring_angle(&rings, ring[1]), sphere_ring_angle(&rings, ring[0]));
-            double a = turn + 2 * M_PI * test_uniform(&seed, azimuth[0], azimuth[1]) / rings.azimuths,
-                   z = test_uniform(&seed, -500, 4000);
-            double half = sin(r / 2), at[3] = {(RADIUS + z) * sin(r) * cos(a), (RADIUS + z) * sin(r) * sin(a),
-                                               z - view.eye_place[2] - (RADIUS + z) * 2 * half * half};
-            for (int axis = 0; axis < 3; axis++)
-                assert_true(at[axis] >= low[axis] - 1e-6 && at[axis] <= high[axis] + 1e-6);
+        double turn = test_uniform(&seed, -4, 4), direction[3], length = 0, most = -HUGE_VAL, distance = 0;
+        for (int axis = 0; axis < 3; axis++) direction[axis] = test_uniform(&seed, -1, 1);
+        for (int axis = 0; axis < 3; axis++) length = hypot(length, direction[axis]);
+        struct sphere_block block;
+        sphere_block_make(&block, &rings, &view, turn, ring, azimuth, HEIGHTS_M[0], HEIGHTS_M[1]);
+        double reach = sphere_block_reach(&block, direction);
+        double outer = sphere_ring_angle(&rings, ring[0]), inner = sphere_ring_angle(&rings, ring[1]);
+        double from = turn + 2 * M_PI * azimuth[0] / rings.azimuths,
+               to = turn + 2 * M_PI * azimuth[1] / rings.azimuths;
+        for (int p = 0; p < 2 * (STEPS + 1) * (STEPS + 1); p++) {
+            double r = inner + (outer - inner) * (p / 2 % (STEPS + 1)) / STEPS, half = sin(r / 2);
+            double a = from + (to - from) * (p / 2 / (STEPS + 1)) / STEPS, z = HEIGHTS_M[p % 2];
+            double at[3] = {(RADIUS + z) * sin(r) * cos(a), (RADIUS + z) * sin(r) * sin(a),
+                            z - view.eye_place[2] - (RADIUS + z) * 2 * half * half};
+            double along = at[0] * direction[0] + at[1] * direction[1] + at[2] * direction[2];
+            assert_true(along <= reach);
+            most = fmax(most, along);
+            distance = fmax(distance, fabs(at[0]) + fabs(at[1]) + fabs(at[2]));
         }
+        // An arc of radius R goes R (step / 2)^2 / 2 beyond the nearer of two places; the guard is 2e-6 of
+        // the distance at most, for the sum of three coordinates is up to sqrt(3) of it.
+        double bend =
+            ((outer - inner) * (outer - inner) + (to - from) * (to - from) * sin(fmin(outer, M_PI / 2))) /
+            (8.0 * STEPS * STEPS);
+        assert_true(reach - most <= length * ((RADIUS + HEIGHTS_M[1]) * bend + 4e-6 * distance));
     }
     terrain_destroy(terrain);
 }
@@ -665,7 +682,7 @@ int main(void)
         cmocka_unit_test(horizons_are_exact),
         cmocka_unit_test(rings_end_at_a_pixel),
         cmocka_unit_test(chords_of_rings_do_not_show),
-        cmocka_unit_test(boxes_hold_their_blocks),
+        cmocka_unit_test(blocks_reach_as_far_as_they_do),
         cmocka_unit_test(walks_leave_levels_whole),
         cmocka_unit_test(colours_are_those_of_their_place),
         cmocka_unit_test(late_texels_are_not_waited_for),
