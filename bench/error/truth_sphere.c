@@ -579,20 +579,35 @@ static struct at narrow(const struct narrowing *n, struct at a, struct at b, dou
     return b;
 }
 
-// How far the clearance over a triangle may dip under the lower of its values at two ends, length_m apart: an
-// eighth of the square of the length times its second derivative, and that is, on a straight ray at unit
-// speed and with rho the distance from the axis, at most 1/R for the height, 1/(R rho) + 2/R^2 for the
-// latitude and 1/rho^2 for the longitude, times the facet's slopes by them.  The factor 2 covers heights
-// under the datum.
-static double dip_q(const struct truth_sphere *s, const struct cell *cell, int part, double length_m)
+// The most that the second derivative along a straight ray, by metres, may be of the latitude and of the
+// longitude, radians, with rho the distance from the axis; of the height it is 1/R.
+static double latitude_bend(const struct truth_sphere *s, const struct cell *cell)
 {
-    double r = s->radius_m, rho = cell->axis_m, rise[2];
+    return 1 / (s->radius_m * cell->axis_m) + 2 / (s->radius_m * s->radius_m);
+}
+
+static double longitude_bend(const struct cell *cell)
+{
+    return 1 / (cell->axis_m * cell->axis_m);
+}
+
+// How far a value along the ray may dip under the lower of those at two ends: an eighth of the square of the
+// length times its second derivative.  The factor 2 covers heights under the datum.
+static double dip(const struct ray *ray, const struct at *a, const struct at *b, double bend)
+{
+    double length_m = (b->t - a->t) * sqrt(dot(ray->direction, ray->direction));
+    return 0.25 * length_m * length_m * bend;
+}
+
+// Of the clearance over a triangle: its facet's slopes by the bends.
+static double clearance_bend(const struct truth_sphere *s, const struct cell *cell, int part)
+{
+    double rise[2];
     if (part == FAN) return HUGE_VAL;
     rises(cell, part, NULL, rise);
     double east = fabs(rise[0]) / (cell->size * s->spacing_rad[0]),
            north = fabs(rise[1]) / (cell->size * s->spacing_rad[1]);
-    double bend = 1 / (r * s->quantum_m) + 2 * north / (r * r) + north / (r * rho) + east / (rho * rho);
-    return 0.25 * length_m * length_m * bend;
+    return 1 / (s->radius_m * s->quantum_m) + north * latitude_bend(s, cell) + east * longitude_bend(cell);
 }
 
 // Inside one part the clearance of a straight ray bends one way: it may dip below between two ends above.
@@ -605,8 +620,7 @@ static bool part_hit(const struct ray *ray, const struct cell *cell, int part, c
     if (fa > 0 && fb <= 0)
         found = narrow(&n, *a, *b, fa, fb);
     else if (fa > 0) {
-        double length_m = (b->t - a->t) * sqrt(dot(ray->direction, ray->direction));
-        if (fmin(fa, fb) > dip_q(ray->s, cell, part, length_m)) return false;
+        if (fmin(fa, fb) > dip(ray, a, b, clearance_bend(ray->s, cell, part))) return false;
         struct at m = at_time(ray, 0.5 * (a->t + b->t), a->place[0]);
         double fm = clearance(cell, part, &m), bend = 2 * (fa + fb - 2 * fm), lean = 4 * fm - 3 * fa - fb;
         if (bend <= 0) return false;
@@ -619,6 +633,34 @@ static bool part_hit(const struct ray *ray, const struct cell *cell, int part, c
     }
     set_hit(ray, cell, part, &found, hit);
     return true;
+}
+
+// Where the ray is on the other side of the diagonal than at both ends, if anywhere: in (longitude, latitude)
+// it bends one way over a cell, and may cross the diagonal and come back.
+static bool strays(const struct narrowing *n, const struct at *a, const struct at *b, double fa, double fb,
+                   struct at *beyond)
+{
+    static const double SECTION = 0.38196601125010515; // golden
+    const struct truth_sphere *s = n->ray->s;
+    double bend = longitude_bend(n->cell) / s->spacing_rad[0] + latitude_bend(s, n->cell) / s->spacing_rad[1];
+    if (fmin(fabs(fa), fabs(fb)) > dip(n->ray, a, b, bend)) return false;
+    double sign = fa + fb < 0 ? -1 : 1, from = a->t, to = b->t, least[2];
+    struct at inner[2] = {at_time(n->ray, from + SECTION * (to - from), a->place[0]),
+                          at_time(n->ray, to - SECTION * (to - from), a->place[0])};
+    for (int k = 0; k < 2; k++) least[k] = sign * value_at(n, &inner[k]);
+    for (int step = 0; step < 80 && inner[0].t < inner[1].t; step++) {
+        int low = least[1] < least[0];
+        *beyond = inner[low];
+        if (least[low] < 0) return true;
+        if (low)
+            from = inner[0].t, inner[0] = inner[1], least[0] = least[1];
+        else
+            to = inner[1].t, inner[1] = inner[0], least[1] = least[0];
+        double t = low ? to - SECTION * (to - from) : from + SECTION * (to - from);
+        inner[low] = at_time(n->ray, t, a->place[0]);
+        least[low] = sign * value_at(n, &inner[low]);
+    }
+    return false;
 }
 
 static bool cell_hit(const struct ray *ray, int64_t i, int64_t j, const struct at *a, const struct at *b,
@@ -652,12 +694,20 @@ static bool cell_hit(const struct ray *ray, int64_t i, int64_t j, const struct a
     if (from_pole <= 0) return part_hit(ray, &cell, FAN, a, b, hit);
     struct narrowing diagonal = {ray, &cell, DIAGONAL};
     double fa = value_at(&diagonal, a), fb = value_at(&diagonal, b);
+    int first = fa + fb >= 0 ? SOUTH_EAST : NORTH_WEST, other = first == SOUTH_EAST ? NORTH_WEST : SOUTH_EAST;
+    struct at beyond;
     if ((fa > 0 && fb < 0) || (fa < 0 && fb > 0)) {
         struct at m = narrow(&diagonal, *a, *b, fa, fb);
         return part_hit(ray, &cell, fa > 0 ? SOUTH_EAST : NORTH_WEST, a, &m, hit) ||
                part_hit(ray, &cell, fb > 0 ? SOUTH_EAST : NORTH_WEST, &m, b, hit);
     }
-    return part_hit(ray, &cell, fa + fb >= 0 ? SOUTH_EAST : NORTH_WEST, a, b, hit);
+    if (strays(&diagonal, a, b, fa, fb, &beyond)) {
+        double f = value_at(&diagonal, &beyond);
+        struct at out = narrow(&diagonal, *a, beyond, fa, f), back = narrow(&diagonal, beyond, *b, f, fb);
+        return part_hit(ray, &cell, first, a, &out, hit) || part_hit(ray, &cell, other, &out, &back, hit) ||
+               part_hit(ray, &cell, first, &back, b, hit);
+    }
+    return part_hit(ray, &cell, first, a, b, hit);
 }
 
 // ---- the quadtree ----------------------------------------------------------

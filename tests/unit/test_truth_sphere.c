@@ -52,6 +52,25 @@ static void random_ray(const struct terrain *terrain, uint64_t *seed, int kind, 
     for (int k = 0; k < 3; k++) direction[k] /= sqrt(length);
 }
 
+// From over one end of a cell's diagonal to under or over its other end.  Both ends lie on that side of the
+// diagonal from which a great circle bends over it and back.
+static void diagonal_ray(const struct terrain *terrain, uint64_t *seed, double top_m, double origin[3],
+                         double direction[3])
+{
+    const double *spacing_m = terrain_info(terrain)->spacing_m;
+    int64_t columns = terrain_level(terrain, 0).extent.x1 - terrain_level(terrain, 0).extent.x0;
+    double column = floor(test_uniform(seed, 0, (double)columns)), row = floor(test_uniform(seed, -20, 20));
+    double aside = (row < 0 ? -1 : 1) * test_uniform(seed, 0, 0.005), end[3], length = 0;
+    const double from[3] = {(column + aside) * spacing_m[0], row * spacing_m[1],
+                            test_uniform(seed, 5e4, 3e5)};
+    const double to[3] = {(column + 1 + aside) * spacing_m[0], (row + 1) * spacing_m[1],
+                          test_uniform(seed, -1, 1) * top_m};
+    terrain_world_from_place(terrain, from, origin);
+    terrain_world_from_place(terrain, to, end);
+    for (int k = 0; k < 3; k++) direction[k] = end[k] - origin[k], length += direction[k] * direction[k];
+    for (int k = 0; k < 3; k++) direction[k] /= sqrt(length);
+}
+
 // Place and time are rounded at 2^-52 of the planet's radius and some of its multiples (1.4e-9 m each);
 // slopes of up to 1 and the radius' own rounding add as much.
 static const double ROUNDED_M = 1e-6;
@@ -71,9 +90,10 @@ static double march(const struct terrain *terrain, const double origin[3], const
 static void hits_are_the_first(void **state)
 {
     (void)state;
-    static const int FINER[] = {0, 3, 8};
-    for (int i = 0; i < 3; i++) {
+    static const int FINER[] = {0, 0, 3, 8};
+    for (int i = 0; i < 4; i++) {
         int finer = FINER[i];
+        bool diagonals = i == 1;
         struct terrain *terrain = test_planet(W, 3e4, 9, finer);
         struct truth_sphere *sphere = truth_sphere_create(terrain);
         struct truth_tiles *tiles = truth_tiles_take(sphere);
@@ -85,7 +105,10 @@ static void hits_are_the_first(void **state)
         for (int k = 0; k < count; k++) {
             double origin[3], direction[3];
             struct truth_sphere_hit hit = {0};
-            random_ray(terrain, &seed, k, highest, origin, direction);
+            if (diagonals)
+                diagonal_ray(terrain, &seed, highest, origin, direction);
+            else
+                random_ray(terrain, &seed, k, highest, origin, direction);
             bool ground = truth_sphere_cast(sphere, tiles, origin, direction, 0, &hit);
             double reach = 2 * sqrt(origin[0] * origin[0] + origin[1] * origin[1] + origin[2] * origin[2]);
             missed += march(terrain, origin, direction, ground ? hit.t : reach, ground && k % 2 == 0) >= 0;
@@ -96,9 +119,9 @@ static void hits_are_the_first(void **state)
             for (int axis = 0; axis < 3; axis++) facing += hit.normal[axis] * direction[axis];
             assert_true(facing <= 1e-6); // it comes down through the surface
         }
-        FIGURE("sphere caster, %d finer levels: %d of %d rays hit, at most %.1e m off the surface, %d came "
-               "too late",
-               finer, hits, count, worst_m, missed);
+        FIGURE("sphere caster, %d finer levels%s: %d of %d rays hit, at most %.1e m off the surface, "
+               "%d came too late",
+               finer, diagonals ? ", along diagonals" : "", hits, count, worst_m, missed);
         assert_true(hits > count / 5);
         assert_int_equal(missed, 0);
         assert_true(worst_m < ROUNDED_M);
