@@ -647,6 +647,16 @@ static void add_shading_counters(const struct geomipmap *g, struct renderer_stat
         (struct renderer_counter){"blocks_by_overview", light->shown_by_overview + colour->shown_by_overview};
 }
 
+// What is drawn stays within tau of the finest level: where errors are mean ones, where tiles are late, and
+// where those of blocks from coarser levels are estimates, nothing is claimed.
+static double claimed_px(const struct geomipmap *g, int late)
+{
+    const struct geomipmap_tiles *tiles = &g->tiles;
+    bool estimated = tiles->drawn > tiles->merge &&
+                     terrain_level(tiles->terrain, terrain_info(tiles->terrain)->coarsest).max_estimated;
+    return g->choice.metric == GEOMIPMAP_MEAN || late > 0 || estimated ? (double)NAN : g->choice.tau_px;
+}
+
 static void stats(const struct renderer *renderer, struct renderer_stats *stats)
 {
     const struct geomipmap *g = (const struct geomipmap *)renderer;
@@ -656,7 +666,7 @@ static void stats(const struct renderer *renderer, struct renderer_stats *stats)
     int late = g->view_count > 0 ? g->views[0].selection.late : 0;
     *stats = (struct renderer_stats){
         .triangles = g->view_count > 0 ? g->views[0].triangles : 0,
-        .claimed_error_px = g->choice.metric == GEOMIPMAP_MEAN || late > 0 ? (double)NAN : g->choice.tau_px,
+        .claimed_error_px = claimed_px(g, late),
         .resident_bytes =
             buffer_bytes(g) + g->shading.light.resident_bytes + g->shading.colour.resident_bytes,
         .select_ms = g->select_ms,

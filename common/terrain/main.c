@@ -89,6 +89,7 @@ static void print_json(const struct terrain *terrain)
         cJSON_AddNumberToObject(item, "rms_error_m", level.rms_error_m);
         if (level.rms_estimated) cJSON_AddTrueToObject(item, "rms_error_is_estimated");
         cJSON_AddNumberToObject(item, "max_error_m", level.max_error_m);
+        if (level.max_estimated) cJSON_AddTrueToObject(item, "max_error_is_estimated");
     }
     char *text = cJSON_Print(root);
     if (text) puts(text);
@@ -115,8 +116,10 @@ static void print_text(const struct terrain *terrain)
         printf("%6d %12s %11.6g %43.3f %10.3f\n", l, size, level.spacing_m[0], level.rms_error_m,
                level.max_error_m);
     }
-    if (terrain_level(terrain, info->coarsest).rms_estimated)
-        puts("rms: estimated, from a few blocks spread over the map; max: of all of it");
+    struct terrain_level coarsest = terrain_level(terrain, info->coarsest);
+    if (coarsest.rms_estimated)
+        printf("rms%s: estimated, from a few blocks spread over the map%s\n",
+               coarsest.max_estimated ? " and max" : "", coarsest.max_estimated ? "" : "; max: of all of it");
 }
 
 static int info_main(int argc, char **argv)

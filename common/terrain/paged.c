@@ -494,6 +494,7 @@ struct terrain_level paged_level(const struct paged *p, int level)
 {
     const struct paged_map *map = paged_map(p, level);
     double quantum_m = ldexp(p->header->quantum_m, -p->bits);
+    bool windows = level > p->finest && window_count(p, p->finest) > WINDOWS;
     return (struct terrain_level){
         .extent = {0, 0, map->size[0], map->size[1]},
         .spacing_m = {ldexp(p->header->spacing_m[0], level), ldexp(p->header->spacing_m[1], level)},
@@ -501,7 +502,8 @@ struct terrain_level paged_level(const struct paged *p, int level)
         .max_q = map->max_q,
         .rms_error_m = map->rms_error_q * quantum_m,
         .max_error_m = map->max_error_q * quantum_m,
-        .rms_estimated = level > p->finest && !knows_rms(p) && window_count(p, p->finest) > WINDOWS,
+        .rms_estimated = windows && !knows_rms(p),
+        .max_estimated = windows && p->finest < 0,
         .noise_q = map->sigma_q};
 }
 

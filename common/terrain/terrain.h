@@ -81,6 +81,7 @@ struct terrain_level {
         max_error_m;    // PL(this level) - PL(finest level) at the finest samples; 0 at the finest
     bool rms_estimated; // rms_error_m is that of a few blocks spread over a large map on disk: its file does
                         // not tell it, or finer levels are made up
+    bool max_estimated; // so is max_error_m, and terrain_error with it: finer levels are made up
     double noise_q;     // standard deviation of the noise of a synthesised level, quanta; 0 for the others
 };
 
@@ -151,7 +152,8 @@ void terrain_bounds(const struct terrain *terrain, int level, int64_t x0, int64_
 
 // At least the largest difference in metres between the level's surface and that of the finest, over a
 // rectangle of samples of the level (both ends included).  Read on demand: that of the tiles under it, from
-// the side section.  In memory: the level's max_error_m.
+// the side section.  In memory, and over made-up levels of a file: the level's max_error_m, which there may
+// be an estimate (terrain_level.max_estimated) and then bounds nothing.
 double terrain_error(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int64_t x1,
                      int64_t y1);
 

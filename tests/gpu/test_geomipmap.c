@@ -688,8 +688,9 @@ static void tiles_fit_the_bytes_a_sample_of_the_paper(void **state)
 
 // ---- terrain on disk ----------------------------------------------------------------------------
 
-// The fractal as a file, read on demand: few samples a frame, so that tiles are late for many.
-static struct terrain *on_disk(int side, uint64_t seed)
+// The fractal as a file, read on demand: few samples a frame, so that tiles are late for many; with finer
+// levels, none.
+static struct terrain *on_disk(int side, uint64_t seed, int finer)
 {
     struct test_map map = hills;
     map.width = side, map.height = side - 70;
@@ -709,8 +710,8 @@ static struct terrain *on_disk(int side, uint64_t seed)
     assert_true(relief_pack(&field, &options, in_folder("hills.relief"), &header));
     heightfield_finish(&field);
     terrain_destroy(made);
-    struct terrain *terrain =
-        terrain_load(in_folder("hills.relief"), &(struct terrain_options){.frame_samples = 1 << 15});
+    struct terrain_options how = {.frame_samples = finer ? -1 : 1 << 15, .synthesize_levels = finer};
+    struct terrain *terrain = terrain_load(in_folder("hills.relief"), &how);
     assert_non_null(terrain);
     return terrain;
 }
@@ -731,7 +732,7 @@ static void late_tiles_leave_no_crack(void **state)
     struct fixture *f = *state;
     static const char *const settings[] = {"tau=1 cull=off", "tau=0.5 cull=off patch=9 merge=4 metric=mean",
                                            "tau=1 cull=off merge=0"};
-    struct terrain *terrain = on_disk(test_size(1025, 2049), 31);
+    struct terrain *terrain = on_disk(test_size(1025, 2049), 31, 0);
     int frames = test_size(12, 60), all_late = 0;
     for (int s = 0; s < 3; s++) {
         struct renderer *flown = create(f, terrain, settings[s]), *fresh = create(f, terrain, settings[s]);
@@ -771,6 +772,30 @@ static void late_tiles_leave_no_crack(void **state)
     assert_true(all_late > 0);
     terrain_destroy(terrain);
     folder_remove(NULL);
+}
+
+// Over made-up levels of a large file the errors of blocks from coarser levels are estimates.
+static void estimates_claim_nothing(void **state)
+{
+    struct fixture *f = *state;
+    for (int finer = 0; finer <= 2; finer += 2) {
+        struct terrain *terrain = on_disk(385, 33, finer);
+        struct renderer *renderer = create(f, terrain, "tau=1");
+        struct view view = flown_view(terrain, 0);
+        struct renderer_stats stats;
+        for (int frame = 0; frame == 0 || (counter(renderer, "late") > 0 && frame < 400); frame++) {
+            geomipmap_renderer.begin_frame(renderer, frame);
+            assert_true(geomipmap_renderer.update(renderer, &view, 1));
+        }
+        geomipmap_renderer.stats(renderer, &stats);
+        if (finer)
+            assert_true(isnan(stats.claimed_error_px));
+        else
+            assert_true(stats.claimed_error_px == 1);
+        geomipmap_renderer.destroy(renderer);
+        terrain_destroy(terrain);
+        folder_remove(NULL);
+    }
 }
 
 // ---- blocks from coarser levels -----------------------------------------------------------------
@@ -848,7 +873,7 @@ static void blocks_of_coarser_levels_keep_the_claim(void **state)
     static const char *const settings[] = {"patch=9 merge=0 cull=off", "patch=9 merge=1 cull=off",
                                            "patch=17 merge=0 cull=off borders=regions"};
     static const int coarsest[] = {2, 3, 3};
-    struct terrain *terrain = on_disk(test_size(513, 2049), 41);
+    struct terrain *terrain = on_disk(test_size(513, 2049), 41, 0);
     struct ground ground = read_ground(terrain);
     uint64_t seed = 42;
     for (int s = 0; s < 3; s++) {
@@ -957,6 +982,7 @@ int main(void)
         cmocka_unit_test(any_terrain_is_drawn_with_its_own_heights),
         cmocka_unit_test(tiles_fit_the_bytes_a_sample_of_the_paper),
         cmocka_unit_test(late_tiles_leave_no_crack),
+        cmocka_unit_test(estimates_claim_nothing),
         cmocka_unit_test(blocks_of_coarser_levels_keep_the_claim),
         cmocka_unit_test(any_camera_is_drawn),
     };

@@ -192,6 +192,25 @@ static void test_errors_are_not_exceeded(void **state)
     assert_true(fabs(least - 1) < 1e-9 && fabs(most - 1) < 1e-9);
 }
 
+// Made-up levels of a large map are not gone through when it is opened: what is told of them is estimated,
+// and says so.
+static void test_estimates_are_told(void **state)
+{
+    (void)state;
+    pack(600, 500, LAYOUT_WAVELET, 3, "estimates.relief");
+    for (int finer = 0; finer <= 2; finer += 2) {
+        struct terrain *terrain =
+            load("estimates.relief", (struct terrain_options){.synthesize_levels = finer});
+        const struct terrain_info *info = terrain_info(terrain);
+        for (int l = info->finest; l <= info->coarsest; l++) {
+            struct terrain_level level = terrain_level(terrain, l);
+            assert_true(level.rms_estimated == (finer > 0 && l > info->finest));
+            assert_true(level.max_estimated == (finer > 0 && l > info->finest));
+        }
+        terrain_destroy(terrain);
+    }
+}
+
 // Version 2 of the format ends before the rms of levels, which is then found when the file is opened: on a
 // map this small from all of it.
 static void test_levels_of_older_files_are_measured(void **state)
@@ -587,6 +606,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_levels_are_those_of_the_file),
         cmocka_unit_test(test_errors_are_not_exceeded),
+        cmocka_unit_test(test_estimates_are_told),
         cmocka_unit_test(test_levels_of_older_files_are_measured),
         cmocka_unit_test(test_detail_depends_on_its_place_alone),
         cmocka_unit_test(test_rays_meet_the_same_ground),
