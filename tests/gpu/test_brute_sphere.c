@@ -72,12 +72,12 @@ static void brute_and_the_caster_agree(void **state)
         {-30, -89.995, 1.7, -1, 0.02},
     };
     // The last two, on foot near the poles, hold with 512 columns.  At the full size they are 7e-4 px off at
-    // p99.9 together, so they are left out: not met.  The worst pixels within 20 m lie on slivers, as 13 mm by
-    // 2.4 m, parts of a fan 20 km long and 60 m wide.  Cut by the pixels' rays in double precision these lie
-    // within 1.1e-7 m of the truth, and the caster's hits within 1e-9 m; but the positions drawn from them are
-    // 5e-6 to 4e-5 m off their planes: likely, as not shown apart, a rasteriser's float32 gradients lose the
-    // ratio of their sides.  Farther off facets are a pixel or two wide, so that more than a thousandth of the
-    // pixels lie within the sub-pixel grid of an edge and may show the neighbour.
+    // p99.9 together, so they are left out: not met.  The worst pixels within 20 m lie on slivers, as 13 mm
+    // by 2.4 m, parts of a fan 20 km long and 60 m wide.  Cut by the pixels' rays in double precision these
+    // lie within 1.1e-7 m of the truth, and the caster's hits within 1e-9 m; but the positions drawn from
+    // them are 5e-6 to 4e-5 m off their planes: likely, as not shown apart, a rasteriser's float32 gradients
+    // lose the ratio of their sides.  Farther off facets are a pixel or two wide, so that more than a
+    // thousandth of the pixels lie within the sub-pixel grid of an edge and may show the neighbour.
     enum { VIEW_COUNT = sizeof VIEWS / sizeof VIEWS[0] };
     const int COUNT = test_size(VIEW_COUNT, VIEW_COUNT - 2);
     struct picture p;
