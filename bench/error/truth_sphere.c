@@ -663,6 +663,12 @@ static bool strays(const struct narrowing *n, const struct at *a, const struct a
     return false;
 }
 
+// The part of a cell at a distance from the DIAGONAL.
+static int part_at(double distance)
+{
+    return distance >= 0 ? SOUTH_EAST : NORTH_WEST;
+}
+
 static bool cell_hit(const struct ray *ray, int64_t i, int64_t j, const struct at *a, const struct at *b,
                      struct truth_sphere_hit *hit)
 {
@@ -694,20 +700,20 @@ static bool cell_hit(const struct ray *ray, int64_t i, int64_t j, const struct a
     if (from_pole <= 0) return part_hit(ray, &cell, FAN, a, b, hit);
     struct narrowing diagonal = {ray, &cell, DIAGONAL};
     double fa = value_at(&diagonal, a), fb = value_at(&diagonal, b);
-    int first = fa + fb >= 0 ? SOUTH_EAST : NORTH_WEST, other = first == SOUTH_EAST ? NORTH_WEST : SOUTH_EAST;
     struct at beyond;
     if ((fa > 0 && fb < 0) || (fa < 0 && fb > 0)) {
         struct at m = narrow(&diagonal, *a, *b, fa, fb);
-        return part_hit(ray, &cell, fa > 0 ? SOUTH_EAST : NORTH_WEST, a, &m, hit) ||
-               part_hit(ray, &cell, fb > 0 ? SOUTH_EAST : NORTH_WEST, &m, b, hit);
+        return part_hit(ray, &cell, part_at(fa), a, &m, hit) || part_hit(ray, &cell, part_at(fb), &m, b, hit);
     }
+    int part = part_at(fa + fb); // one of them may be 0
     if (strays(&diagonal, a, b, fa, fb, &beyond)) {
         double f = value_at(&diagonal, &beyond);
         struct at out = narrow(&diagonal, *a, beyond, fa, f), back = narrow(&diagonal, beyond, *b, f, fb);
-        return part_hit(ray, &cell, first, a, &out, hit) || part_hit(ray, &cell, other, &out, &back, hit) ||
-               part_hit(ray, &cell, first, &back, b, hit);
+        return part_hit(ray, &cell, part, a, &out, hit) ||
+               part_hit(ray, &cell, part_at(f), &out, &back, hit) ||
+               part_hit(ray, &cell, part, &back, b, hit);
     }
-    return part_hit(ray, &cell, first, a, b, hit);
+    return part_hit(ray, &cell, part, a, b, hit);
 }
 
 // ---- the quadtree ----------------------------------------------------------
