@@ -6,7 +6,8 @@
 //
 //   papers.c               the list of tables, options, the order of work
 //   table.c                a table as text, JSON and HTML
-//   flight.c, motion.c     timed flights of renderers; what moves on the screen
+//   flight.c               timed flights of renderers
+//   meter.h, motion.c      truth and error of one view; what moves on the screen
 //   clipmap.c, mars.c      Losasso & Hoppe 2004; geometry clipmapping for Mars
 //   compression.c          what both papers print of their coders
 //   coders.c               the coder beside other people's
