@@ -18,6 +18,7 @@ uniform sampler2DArray heights; // all levels but the coarsest
 uniform sampler2D whole;        // that one, WHOLE texels on a side
 uniform ivec4 windows[32]; // x, y: slot of the viewer's texel; z: texels of a turn or SIZE
 uniform vec4 grids[32];    // xy: texels per radian; zw: the viewer's fraction of a texel
+uniform ivec2 polar_rows[32]; // the cells at the south and the north pole, counted from the viewer's row
 uniform vec4 viewer;       // sine and cosine of the polar angle; level of ring 0; levels a ring
 uniform vec4 pattern;      // cosine and sine of its turn from east; the finest and the coarsest level that is there
 uniform float polar;       // the viewer's polar angle
@@ -63,7 +64,7 @@ float texel(ivec2 slot, int layer)
     return layer == LAST ? texelFetch(whole, slot, 0).x : texelFetch(heights, ivec3(slot, layer), 0).x;
 }
 
-// The surface of a level: its triangles, split along (i, j)-(i+1, j+1) as everywhere.
+// The surface of a level: its triangles, split along (i, j)-(i+1, j+1) as everywhere, or, at a pole, fans (terrain.h).
 float height_in(int layer, vec2 angles)
 {
     vec4 grid = grids[layer];
@@ -74,11 +75,12 @@ float height_in(int layer, vec2 angles)
     int y0 = (int(corner.y) + window.y + 2 * size) % size, y1 = y0 + 1 == size ? 0 : y0 + 1;
     float sw = texel(ivec2(x0, y0), layer), ne = texel(ivec2(x1, y1), layer);
 #if FETCH == 0
-    float other = f.x >= f.y ? texel(ivec2(x1, y0), layer) : texel(ivec2(x0, y1), layer);
-    return f.x >= f.y ? sw + f.x * (other - sw) + f.y * (ne - other) : sw + f.x * (ne - other) + f.y * (other - sw);
-#else
-    return mix(mix(sw, texel(ivec2(x1, y0), layer), f.x), mix(texel(ivec2(x0, y1), layer), ne, f.x), f.y);
+    if (!any(equal(ivec2(int(corner.y)), polar_rows[layer]))) {
+        float other = f.x >= f.y ? texel(ivec2(x1, y0), layer) : texel(ivec2(x0, y1), layer);
+        return f.x >= f.y ? sw + f.x * (other - sw) + f.y * (ne - other) : sw + f.x * (ne - other) + f.y * (other - sw);
+    }
 #endif
+    return mix(mix(sw, texel(ivec2(x1, y0), layer), f.x), mix(texel(ivec2(x0, y1), layer), ne, f.x), f.y);
 }
 
 float height_at(float ring_number, vec2 angles)

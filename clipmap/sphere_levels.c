@@ -177,6 +177,15 @@ void sphere_window_uniforms(const struct sphere_shape *shape, int level, const s
                              ldexp(sphere_spacing(shape, level, axis), axis ? 0 : window->decimation));
 }
 
+void sphere_polar_rows(const struct sphere_shape *shape, int level, const double place_m[2], int32_t rows[2])
+{
+    level = sampled_level(shape, level);
+    int64_t pole = level > 0 ? shape->pole >> level : shape->pole << -level;
+    double viewer = floor(place_m[1] / sphere_spacing(shape, level, 1) - shape->offset);
+    rows[0] = (int32_t)fmax((double)-pole - viewer, INT32_MIN);
+    rows[1] = (int32_t)fmin((double)(pole - 1) - viewer, INT32_MAX);
+}
+
 // ---- ranges ----------------------------------------------------------------
 
 bool sphere_ranges_init(struct sphere_ranges *ranges, int size)

@@ -69,6 +69,10 @@ void sphere_window_origin(const struct sphere_shape *shape, int level, const str
 void sphere_window_uniforms(const struct sphere_shape *shape, int level, const struct sphere_window *window,
                             const double place_m[2], int32_t slots[4], float grid[4]);
 
+// The rows of cells at the south and the north pole, counted from the viewer's; one farther away than an int
+// can tell comes nearer, where no window reaches.
+void sphere_polar_rows(const struct sphere_shape *shape, int level, const double place_m[2], int32_t rows[2]);
+
 struct sphere_store { // one level in memory
     struct sphere_window held;
 };

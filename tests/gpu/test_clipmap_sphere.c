@@ -261,6 +261,72 @@ static void heights_do_not_jump_at_seam_and_poles(void **state)
     terrain_destroy(terrain);
 }
 
+// What of the drawn vertices lies in the cells at a pole, and by how much the worst is off the truth.
+struct fan_check {
+    const struct terrain *terrain;
+    const struct view *view;
+    double row_m, worst; // worst: height that it is off, of what is allowed
+    int vertices;
+};
+
+static void check_fans(const float *triangles, size_t count, void *user)
+{
+    struct fan_check *check = user;
+    const struct terrain_info *info = terrain_info(check->terrain);
+    // The formula of test_planet(64, 2500, 9) is nowhere steeper than 0.025, and its chords along the two
+    // axes together by sqrt(2) at most.
+    const double STEEPEST = 0.036;
+    for (size_t k = 0; k < 3 * count; k++) {
+        double relative[3], world_m[3], place[3], q;
+        for (int a = 0; a < 3; a++) relative[a] = (double)triangles[3 * k + (size_t)a];
+        view_world(check->view, relative, world_m);
+        sphere_place_from_world(RADIUS, world_m, place);
+        double distance_m = sqrt(dot(relative, relative));
+        if (M_PI / 2 * RADIUS - fabs(place[1]) > check->row_m) continue;
+        assert_true(terrain_truth_at(check->terrain, place[0], place[1], &q, NULL));
+        // A vertex samples within 3e-5 of its distance of its place (D2), and is placed in float32: four
+        // roundings of a distance and one of a height of up to 2^12 m.
+        double allowed = distance_m * (3e-5 * STEEPEST + 4 * 0x1p-24) + 0x1p-12;
+        check->worst = fmax(check->worst, fabs(place[2] - (q * info->quantum_m + info->offset_m)) / allowed);
+        check->vertices++;
+    }
+}
+
+// The cells at a pole are fans, straight along meridians (terrain.h): split as others are, a vertex would be
+// off by up to a quarter of what the ground climbs from column to column.
+static void polar_cells_are_fans(void **state)
+{
+    struct fixture *f = *state;
+    struct terrain *terrain = test_planet(64, 2500, 9, 0);
+    struct renderer *renderer = create(f, terrain, "n=63 cull=off");
+    struct fan_check check = {.terrain = terrain, .row_m = M_PI / 32 * RADIUS};
+    uint64_t seed = 31;
+    for (int k = 0; k < test_size(8, 400); k++) {
+        double latitude = M_PI / 2 - test_uniform(&seed, 0, 1.5 * M_PI / 32);
+        struct camera camera = {{test_uniform(&seed, -M_PI, M_PI) * RADIUS,
+                                 (k % 2 ? latitude : -latitude) * RADIUS,
+                                 3500 + exp(test_uniform(&seed, log(100), log(1e6)))},
+                                0,
+                                -1,
+                                0,
+                                1};
+        struct view view;
+        view_init(&view, terrain, &camera, WIDTH, HEIGHT, 0);
+        clipmap_renderer.begin_frame(renderer, k);
+        assert_true(clipmap_renderer.update(renderer, &view, 1));
+        gpu_set_view(f->gpu, terrain, &view);
+        check.view = &view;
+        assert_true(gpu_capture_begin(f->gpu, check_fans, &check));
+        clipmap_renderer.draw(renderer, 0, PASS_POSITION);
+        gpu_capture_end(f->gpu);
+    }
+    FIGURE("polar cells: %d vertices are off the truth's fans by at most %.2f of what float32 allows",
+           check.vertices, check.worst);
+    assert_true(check.vertices > 1000 && check.worst <= 1);
+    clipmap_renderer.destroy(renderer);
+    terrain_destroy(terrain);
+}
+
 // Culling leaves the picture as it is, and at 90 degrees at most 0.3 of the vertices.
 static void culling_is_right_and_pays(void **state)
 {
@@ -555,6 +621,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_turn_more_is_the_same_picture),
         cmocka_unit_test(heights_do_not_jump_at_seam_and_poles),
+        cmocka_unit_test(polar_cells_are_fans),
         cmocka_unit_test(culling_is_right_and_pays),
         cmocka_unit_test(kept_vertices_draw_the_same),
         cmocka_unit_test(colours_are_those_of_the_place),
