@@ -353,30 +353,16 @@ static bool measure_errors(struct pyramid *pyramid)
     return true;
 }
 
-// Over single cells; on a sphere the cells between the last column and the first are the last.
-static bool measure_cells(const struct pyramid *pyramid, struct pyramid_level *level)
-{
-    int64_t width = pyramid_width(level), height = pyramid_height(level);
-    if (!pyramid->sphere) return extrema_init(&level->extrema, level->samples, width, height, 0);
-    int32_t *closed = malloc((size_t)((width + 1) * height) * sizeof *closed);
-    if (!closed) return false;
-    for (int64_t j = 0; j < height; j++) {
-        memcpy(closed + j * (width + 1), level->samples + j * width, (size_t)width * sizeof *closed);
-        closed[j * (width + 1) + width] = level->samples[j * width];
-    }
-    bool good = extrema_init(&level->extrema, closed, width + 1, height, 0);
-    free(closed);
-    return good;
-}
-
+// Nodes over single cells are the planar ray caster's; bounds are read off samples where they would serve.
 static bool measure_extrema(struct pyramid *pyramid)
 {
+    enum { NODES_FROM = 3 };
     for (int l = pyramid->finest; l <= pyramid->coarsest; l++) {
         struct pyramid_level *level = at(pyramid, l);
-        bool good = l == pyramid->finest ? measure_cells(pyramid, level)
-                                         : extrema_init(&level->extrema, level->samples, pyramid_width(level),
-                                                        pyramid_height(level), 3);
-        if (!good) return false;
+        int first_height = l == pyramid->finest && !pyramid->sphere ? 0 : NODES_FROM;
+        if (!extrema_init(&level->extrema, level->samples, pyramid_width(level), pyramid_height(level),
+                          first_height))
+            return false;
         const struct terrain_extrema_nodes *root = &level->extrema.nodes[level->extrema.heights - 1];
         level->min_q = root->min_q[0];
         level->max_q = root->max_q[0];

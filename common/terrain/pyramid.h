@@ -17,7 +17,7 @@ struct pyramid_level {
     double rms_error_q, max_error_q;
     double sigma_q; // of the noise; 0 for levels that are not synthesised
     struct terrain_extrema
-        extrema; // the finest level: over single cells; the others: over 8 x 8 cells and up
+        extrema; // on the plane the finest level: over single cells; all others: over 8 x 8 cells and up
 };
 
 struct pyramid {

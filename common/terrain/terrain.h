@@ -167,7 +167,7 @@ const int32_t *terrain_samples(const struct terrain *terrain, int level, size_t 
 
 // Extrema pyramid over the cells of the finest level: node (i, j) of height k covers the cells
 // 2^k i <= x < 2^k (i+1) (counted from the extent's south-west corner) and bounds their four corners'
-// heights.  On a sphere: of level 0, whose cells in x are as many as its columns.
+// heights.  On a sphere: of level 0, nodes of 8 x 8 cells and up, as its samples bound them.
 struct terrain_extrema {
     int heights; // number of node levels; the last has one node
     struct terrain_extrema_nodes {

@@ -312,6 +312,19 @@ static void test_planets_are_read_on_demand(void **state)
     heightfield_finish(&field);
 }
 
+// Samples take 4 bytes and nodes over 8 x 8 of them another 1/6, in all levels 4/3 of that.
+static void test_planets_in_memory_take_little_beside_their_samples(void **state)
+{
+    (void)state;
+    struct heightfield field = planet(1440, 721, 0);
+    struct terrain *terrain = in_memory(&field, TERRAIN_FILTER_LINEAR);
+    double bytes_a_sample = (double)terrain_resident_bytes(terrain) / (1440 * 721);
+    FIGURE("planet in memory: %.2f bytes a sample", bytes_a_sample);
+    assert_true(bytes_a_sample > 4 && bytes_a_sample < 6);
+    terrain_destroy(terrain);
+    heightfield_finish(&field);
+}
+
 static void write_text(const char *name, const char *text)
 {
     FILE *file = fopen(in_folder(name), "w");
@@ -418,6 +431,7 @@ int main(void)
         cmocka_unit_test(test_tiles_bound_their_samples),
         cmocka_unit_test(test_pixel_centred_planets_are_packed_as_their_grid),
         cmocka_unit_test(test_planets_are_read_on_demand),
+        cmocka_unit_test(test_planets_in_memory_take_little_beside_their_samples),
         cmocka_unit_test(test_a_made_planet_has_no_seam),
         cmocka_unit_test(test_other_tables_and_versions_are_refused),
     };
