@@ -2,7 +2,7 @@
 #include "common/gl/context.h"
 #include "common/report.h"
 
-enum { CAPTURE_TRIANGLES = 1 << 20, TRIANGLE_BYTES = 9 * sizeof(float) };
+enum { CAPTURE_TRIANGLES = 1 << 18, TRIANGLE_BYTES = 9 * sizeof(float) };
 
 static bool resize(struct gpu_capture *capture, size_t triangles)
 {
