@@ -90,10 +90,12 @@ void sphere_image_shape(const struct sphere_image *image, double radius_m, int a
 
 // ---- what views share --------------------------------------------------------
 
-bool sphere_colour_init(struct sphere_colour *colour, struct gpu *gpu, const struct scene_colour *image,
+bool sphere_colour_init(struct sphere_colour *colour, struct gpu *gpu, struct scene_colour *image,
                         double radius_m, int azimuths, double texture)
 {
     *colour = (struct sphere_colour){.gpu = gpu};
+    if (!scene_colour_hold(image)) return false;
+    colour->held = image;
     if (!sphere_image_init(&colour->image, image)) return false;
     sphere_image_shape(&colour->image, radius_m, azimuths, texture, &colour->shape);
     int size = colour->shape.size, most = gpu_info(gpu)->max_texture_size;
@@ -107,6 +109,7 @@ bool sphere_colour_init(struct sphere_colour *colour, struct gpu *gpu, const str
 void sphere_colour_finish(struct sphere_colour *colour)
 {
     sphere_image_finish(&colour->image);
+    scene_colour_release(colour->held);
     free(colour->scratch);
 }
 

@@ -35,11 +35,12 @@ struct sphere_colours { // of one view
 
 struct sphere_colour { // what views share
     struct gpu *gpu;
+    struct scene_colour *held; // NULL: not yet
     struct sphere_image image;
     struct sphere_shape shape;
     uint8_t (*scratch)[4];
 };
-bool sphere_colour_init(struct sphere_colour *colour, struct gpu *gpu, const struct scene_colour *image,
+bool sphere_colour_init(struct sphere_colour *colour, struct gpu *gpu, struct scene_colour *image,
                         double radius_m, int azimuths, double texture);
 void sphere_colour_finish(struct sphere_colour *colour); // accepts zeroed
 

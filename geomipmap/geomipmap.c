@@ -129,6 +129,7 @@ struct geomipmap {
     bool own_shading;
     int blend; // enum geomipmap_blend
     struct geomipmap_shading shading;
+    struct scene_colour *held;           // whose pixels shading needs; NULL: none
     uint64_t loads_before, ahead_before; // of sub-textures, when the frame began
     double ahead;                        // frames to look ahead for them
     double eye_m[3];                     // of the frame before, where this one goes on
@@ -786,6 +787,7 @@ static void destroy(struct renderer *renderer)
     free(g->heights);
     free(g->heights_16);
     geomipmap_shading_finish(&g->shading);
+    scene_colour_release(g->held);
     geomipmap_cache_finish(&g->cache);
     geomipmap_tiles_finish(&g->tiles);
     geomipmap_mesh_finish(&g->mesh);
@@ -794,7 +796,9 @@ static void destroy(struct renderer *renderer)
 
 static bool init_shading(struct geomipmap *g, const struct renderer_desc *desc)
 {
-    const struct scene_colour *image = desc->effects->colour;
+    struct scene_colour *image = desc->effects->colour;
+    if (image && !scene_colour_hold(image)) return false;
+    g->held = image;
     const struct geomipmap_colour colour = {image ? image->width : 0, image ? image->height : 0,
                                             image ? image->pixels : NULL};
     return geomipmap_shading_init(&g->shading, g->gpu, &g->tiles, &colour, (int)desc->knobs[KNOB_TEXTURE],

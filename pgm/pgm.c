@@ -171,6 +171,7 @@ struct pgm {
     enum renderer_faces faces;
     struct terrain_reader *reader;
     int frame;
+    struct scene_colour *held; // whose pixels the picture needs; NULL: none
     struct pgm_picture picture;
     struct pgm_atlas atlas,
         colours; // colours: of the picture, which shading of its own may have; else zeroed
@@ -246,7 +247,7 @@ static bool init_textures(struct pgm *pgm)
 {
     const struct renderer_desc *desc = &pgm->desc;
     const struct terrain_info *info = terrain_info(desc->terrain);
-    const struct scene_colour *image = desc->effects->colour;
+    struct scene_colour *image = desc->effects->colour;
     struct pgm_storage heights = read_storage(pgm), colours = heights;
     if (!is_readable(&heights)) return false;
     if (heights.shaded && image) {
@@ -256,6 +257,8 @@ static bool init_textures(struct pgm *pgm)
             return fail("pgm: textures=many takes a colour image with at most %d levels of heights, but "
                         "terrain %s has %d",
                         PGM_TEXTURES_MAX - 1, info->name, levels);
+        if (!scene_colour_hold(image)) return false;
+        pgm->held = image;
         if (!pgm_picture_init(&pgm->picture, image, most))
             return fail("pgm: out of memory for %s", image->name);
         colours.picture = &pgm->picture;
@@ -491,6 +494,7 @@ static void pgm_destroy(struct renderer *renderer)
     pgm_atlas_finish(&pgm->colours);
     terrain_reader_destroy(pgm->reader);
     pgm_picture_finish(&pgm->picture);
+    scene_colour_release(pgm->held);
     free(pgm);
 }
 

@@ -35,7 +35,7 @@ bool planet_image_round(const uint8_t *pixels, int width, int height, uint8_t *r
     return sums != NULL;
 }
 
-bool planet_image_halve(uint8_t *pixels, int *width, int *height)
+bool planet_image_halve(const uint8_t *pixels, int *width, int *height, uint8_t *half)
 {
     int w = *width, h = *height;
     if (w % 2 || h % 2) return false;
@@ -43,7 +43,7 @@ bool planet_image_halve(uint8_t *pixels, int *width, int *height)
         for (int i = 0; i < w / 2; i++)
             for (int k = 0; k < 4; k++) {
                 const uint8_t *at = pixels + 4 * ((size_t)(2 * j) * (size_t)w + (size_t)(2 * i)) + k;
-                pixels[4 * ((size_t)j * (size_t)(w / 2) + (size_t)i) + (size_t)k] =
+                half[4 * ((size_t)j * (size_t)(w / 2) + (size_t)i) + (size_t)k] =
                     (uint8_t)((at[0] + at[4] + at[4 * w] + at[4 * w + 4] + 2) / 4);
             }
     *width = w / 2, *height = h / 2;

@@ -12,7 +12,8 @@
 // image's.
 bool planet_image_round(const uint8_t *pixels, int width, int height, uint8_t *round); // false: no memory
 
-// The next level, of half the size, from means of squares: false where width or height are odd.
-bool planet_image_halve(uint8_t *pixels, int *width, int *height);
+// The next level, of half the size, from means of squares: false where width or height are odd.  `half` may
+// be `pixels`.
+bool planet_image_halve(const uint8_t *pixels, int *width, int *height, uint8_t *half);
 
 #endif

@@ -176,21 +176,21 @@ static bool upload_planet(const struct scene_colour *image)
 {
     int width = image->width, height = image->height, level = 0;
     size_t size = 4 * (size_t)width * (size_t)height;
-    uint8_t *pixels = malloc(size), *round = malloc(size);
-    bool good = pixels && round;
-    if (good) memcpy(pixels, image->pixels, size);
+    const uint8_t *pixels = image->pixels;
+    uint8_t *half = malloc(size / 4), *round = malloc(size);
+    bool good = half && round;
     do {
         good = good && planet_image_round(pixels, width, height, round);
         if (good) upload_level(level++, width, height, round);
-    } while (good && planet_image_halve(pixels, &width, &height));
+    } while (good && planet_image_halve(pixels, &width, &height, half) && (pixels = half));
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, level - 1);
-    free(pixels);
+    free(half);
     free(round);
     return good || fail("%s: out of memory", image->name);
 }
 
 // Draped as far as the eye sees: filtered between mipmaps.
-static bool hold_colour(struct gpu *gpu, const struct scene_colour *image, bool planet)
+static bool hold_colour(struct gpu *gpu, struct scene_colour *image, bool planet)
 {
     struct gpu_colour *held = &gpu->colour;
     int most = gpu->info.max_texture_size;
@@ -198,6 +198,7 @@ static bool hold_colour(struct gpu *gpu, const struct scene_colour *image, bool 
     if (image->width > most || image->height > most)
         return fail("%s: %d x %d pixels; textures of this OpenGL driver have at most %d", image->name,
                     image->width, image->height, most);
+    if (!scene_colour_hold(image)) return false;
     if (held->texture) glDeleteTextures(1, &held->texture);
     glGenTextures(1, &held->texture);
     glActiveTexture(GL_TEXTURE0 + GPU_COLOUR_UNIT);
@@ -214,6 +215,7 @@ static bool hold_colour(struct gpu *gpu, const struct scene_colour *image, bool 
         upload_level(0, image->width, image->height, image->pixels);
         glGenerateMipmap(GL_TEXTURE_2D);
     }
+    scene_colour_release(image);
     glActiveTexture(GL_TEXTURE0);
     snprintf(held->sha256, sizeof held->sha256, "%s", good ? image->sha256 : "");
     held->planet = planet;
@@ -222,7 +224,7 @@ static bool hold_colour(struct gpu *gpu, const struct scene_colour *image, bool 
 
 static bool set_colour(struct gpu *gpu, const struct gpu_program *program, const struct parts *parts)
 {
-    const struct scene_colour *colour = parts->effects->colour;
+    struct scene_colour *colour = parts->effects->colour;
     GLint image = glGetUniformLocation(program->name, "colour_image");
     if (!colour || image < 0) return true; // absent, too, where a renderer drapes it itself
     if (!hold_colour(gpu, colour, strstr(parts->defines, GPU_SPHERE) != NULL)) return false;

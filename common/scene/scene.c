@@ -438,17 +438,40 @@ static bool read_view(struct scene *scene, const char *file, const cJSON *json)
     return good;
 }
 
+static bool read_colour(struct scene_colour *colour)
+{
+    if (!image_read_rgba8(colour->path, &colour->width, &colour->height, &colour->pixels)) return false;
+    sha256_hex(colour->pixels, (size_t)colour->width * (size_t)colour->height * 4, colour->sha256);
+    return true;
+}
+
 static bool load_colour(struct scene *scene, const char *file, const char *name)
 {
-    char path[1024];
-    if (!find_file(file, "colour", name, path)) return false;
     struct scene_colour *colour = calloc(1, sizeof *colour);
     if (!colour) return fail("%s: out of memory", file);
     scene->effects.colour = colour;
     snprintf(colour->name, sizeof colour->name, "%s", base_name(name));
-    if (!image_read_rgba8(path, &colour->width, &colour->height, &colour->pixels)) return false;
-    sha256_hex(colour->pixels, (size_t)colour->width * (size_t)colour->height * 4, colour->sha256);
+    return find_file(file, "colour", name, colour->path) && read_colour(colour);
+}
+
+bool scene_colour_hold(struct scene_colour *colour)
+{
+    struct scene_colour again = *colour;
+    if (!colour->pixels && !read_colour(&again)) return false;
+    if (strcmp(again.sha256, colour->sha256) != 0 || again.width != colour->width) {
+        free(again.pixels);
+        return fail("%s: is another image than when the scene was read", colour->path);
+    }
+    colour->pixels = again.pixels;
+    colour->holders++;
     return true;
+}
+
+void scene_colour_release(struct scene_colour *colour)
+{
+    if (!colour || --colour->holders > 0 || !*colour->path) return;
+    free(colour->pixels);
+    colour->pixels = NULL;
 }
 
 // What the words mean is for those to say who know the renderers.

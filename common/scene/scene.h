@@ -43,10 +43,17 @@ enum scene_shading { SCENE_SHADING_COMMON, SCENE_SHADING_OWN };
 
 struct scene_colour { // an image draped over the map's outline
     char name[256];   // of its file
+    char path[1024];  // where that stands; empty: the image was made, and its pixels stay
     char sha256[65];  // of its pixels
     int width, height;
-    uint8_t *pixels; // RGBA, the north row first
+    uint8_t *pixels; // RGBA, the north row first; NULL when all who held them have let go
+    int holders;
 };
+// Pixels are there from loading until the first who hold them have let go: what draws with textures of them
+// does not need them any more.  Held again, they are read again; false after one line on stderr.  Of the
+// thread that draws.
+bool scene_colour_hold(struct scene_colour *colour);
+void scene_colour_release(struct scene_colour *colour); // once for each hold; accepts NULL
 
 struct scene_effects {
     enum scene_shading shading;

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: MIT
 #include "common/scene/scene.h"
 
+#include "common/image.h"
 #include "tests/folder.h"
 
 #include <errno.h>
@@ -307,6 +308,36 @@ static void refuses_in_one_line(void **state)
     FIGURE("scenes: %zu bad ones, one line each", count);
 }
 
+// The image is there until the first who hold it have let go, and then whenever it is held again, as long as
+// it is the same one.
+static void colours_are_held_while_they_are_needed(void **state)
+{
+    (void)state;
+    enum { SIDE = 6, BYTES = 4 * SIDE * SIDE };
+    uint8_t painted[BYTES], first[BYTES];
+    char said[2048];
+    for (int k = 0; k < BYTES; k++) painted[k] = (uint8_t)(5 * k);
+    assert_true(image_write_png(in_folder("colour.png"), SIDE, SIDE, 4, painted));
+    struct scene *scene = load(SCENE(", \"effects\": {\"colour\": \"colour.png\"}"), NULL, said);
+    assert_non_null(scene);
+    struct scene_colour *colour = scene->effects.colour;
+    assert_non_null(colour->pixels);
+    memcpy(first, colour->pixels, BYTES);
+    for (int turn = 0; turn < 2; turn++) {
+        assert_true(scene_colour_hold(colour) && scene_colour_hold(colour));
+        scene_colour_release(colour);
+        assert_memory_equal(colour->pixels, first, BYTES);
+        scene_colour_release(colour);
+        assert_null(colour->pixels);
+    }
+    painted[0]++;
+    assert_true(image_write_png(in_folder("colour.png"), SIDE, SIDE, 4, painted));
+    assert_false(scene_colour_hold(colour));
+    unlink(in_folder("colour.png"));
+    assert_false(scene_colour_hold(colour));
+    scene_destroy(scene);
+}
+
 static void missing_scene_and_unreadable_scene(void **state)
 {
     (void)state;
@@ -324,10 +355,15 @@ static void missing_scene_and_unreadable_scene(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(sha256_knows_its_vectors),    cmocka_unit_test(own_scenes_fly_well),
-        cmocka_unit_test(default_scene_is_carried),    cmocka_unit_test(level_scene_is_level),
-        cmocka_unit_test(terrain_replaces_the_scenes), cmocka_unit_test(poses_stand_where_they_say),
-        cmocka_unit_test(refuses_in_one_line),         cmocka_unit_test(missing_scene_and_unreadable_scene),
+        cmocka_unit_test(sha256_knows_its_vectors),
+        cmocka_unit_test(own_scenes_fly_well),
+        cmocka_unit_test(default_scene_is_carried),
+        cmocka_unit_test(level_scene_is_level),
+        cmocka_unit_test(terrain_replaces_the_scenes),
+        cmocka_unit_test(poses_stand_where_they_say),
+        cmocka_unit_test(refuses_in_one_line),
+        cmocka_unit_test(missing_scene_and_unreadable_scene),
+        cmocka_unit_test(colours_are_held_while_they_are_needed),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }
