@@ -1,5 +1,6 @@
 // The three renderers over a map on disk, a 64th of a world of 216,000 x 93,600 samples, under a small
-// ceiling: no holes on the way, little memory, and at rest the picture that waiting gives.
+// ceiling: no holes on the way, little memory, and at rest the picture that waiting gives.  And planets in
+// memory, with their images: little memory, too.
 // SPDX-License-Identifier: MIT
 #include "clipmap/clipmap.h"
 #include "common/scene/scene.h"
@@ -39,36 +40,74 @@ static int make_world(void **state)
 
 // ---- on the way ------------------------------------------------------------
 
+struct flown { // what `bench fly` said
+    unsigned long long ground, holes;
+    double process_mib, terrain_mib;
+};
+
+static struct flown fly(const char *words)
+{
+    struct flown flown = {.holes = 1};
+    const char *build = getenv("RELIEF_BUILD");
+    char command[1024], line[1024];
+    snprintf(command, sizeof command, "env -u DISPLAY -u WAYLAND_DISPLAY %s/bench fly %s",
+             build ? build : "build", words);
+    FILE *said = popen(command, "r");
+    assert_non_null(said);
+    while (fgets(line, sizeof line, said)) {
+        sscanf(line, "  memory: process at most %lf MiB, terrain %lf", &flown.process_mib,
+               &flown.terrain_mib);
+        sscanf(line, "  %*d frames held against the truth: %llu pixels of ground, holes %llu", &flown.ground,
+               &flown.holes);
+    }
+    assert_int_equal(pclose(said), 0);
+    return flown;
+}
+
 static void flights_are_whole(void **state)
 {
     (void)state;
-    const char *build = getenv("RELIEF_BUILD");
     for (int r = 0; r < RENDERERS; r++) {
-        char command[1024], line[1024];
-        unsigned long long ground = 0, holes = 1;
-        double process_mib = 0, terrain_mib = 0;
-        snprintf(command, sizeof command,
-                 "env -u DISPLAY -u WAYLAND_DISPLAY %s/bench fly --terrain %s --cache-mib %d --frames %d "
-                 "--look %d "
-                 "--size %dx%d --renderers %s",
-                 build ? build : "build", in_folder("world.relief"), CACHE_MIB, test_size(25, 1000),
-                 test_size(8, 10), WIDTH, HEIGHT, FLOWN[r].in_words);
-        FILE *said = popen(command, "r");
-        assert_non_null(said);
-        while (fgets(line, sizeof line, said)) {
-            sscanf(line, "  memory: process at most %lf MiB, terrain %lf", &process_mib, &terrain_mib);
-            sscanf(line, "  %*d frames held against the truth: %llu pixels of ground, holes %llu", &ground,
-                   &holes);
-        }
-        assert_int_equal(pclose(said), 0);
+        char words[512];
+        snprintf(words, sizeof words,
+                 "--terrain %s --cache-mib %d --frames %d --look %d --size %dx%d --renderers %s",
+                 in_folder("world.relief"), CACHE_MIB, test_size(25, 1000), test_size(8, 10), WIDTH, HEIGHT,
+                 FLOWN[r].in_words);
+        struct flown flown = fly(words);
         FIGURE(
             "%s over 3375 x 1463 samples on disk, %d MiB kept: process %.0f MiB, terrain %.1f, holes %llu of "
             "%llu pixels",
-            FLOWN[r].in_words, CACHE_MIB, process_mib, terrain_mib, holes, ground);
-        assert_true(ground > 10000);
-        assert_int_equal(holes, 0);
-        assert_true(terrain_mib <= CACHE_MIB + 1.5); // beside the ceiling: 14 bytes a tile, descriptions
-        assert_true(process_mib < 400);
+            FLOWN[r].in_words, CACHE_MIB, flown.process_mib, flown.terrain_mib, flown.holes, flown.ground);
+        assert_true(flown.ground > 10000);
+        assert_int_equal(flown.holes, 0);
+        assert_true(flown.terrain_mib <=
+                    CACHE_MIB + 1.5); // beside the ceiling: 14 bytes a tile, descriptions
+        assert_true(flown.process_mib < 400);
+    }
+}
+
+// Their maps and images are in memory, the latter as textures alone.
+static void planets_are_flown_in_little_memory(void **state)
+{
+    (void)state;
+    const struct {
+        const char *scene, *terrain, *colour;
+    } PLANETS[] = {{"earth", "earth_etopo5_4320x2161.png", "earth_colour_4096x2048.png"},
+                   {"mars", "mars_mola_4ppd_1440x720.png", "mars_colour_2880x1440.png"},
+                   {"earth_ground", "earth_etopo5_4320x2161.png", "earth_colour_4096x2048.png"},
+                   {"earth_space", "earth_etopo5_4320x2161.png", "earth_colour_4096x2048.png"}};
+    for (int k = 0; k < test_size(1, 4); k++) {
+        char path[1024], words[512];
+        if (!test_data(PLANETS[k].terrain, path) || !test_data(PLANETS[k].colour, path)) return;
+        snprintf(words, sizeof words,
+                 "--scene bench/scenes/%s.json --frames %d --look 8 --renderers clipmap:n=127",
+                 PLANETS[k].scene, test_size(4, 48));
+        struct flown flown = fly(words);
+        FIGURE("%s at the scene's size: process %.0f MiB, terrain %.1f, holes %llu of %llu pixels",
+               PLANETS[k].scene, flown.process_mib, flown.terrain_mib, flown.holes, flown.ground);
+        assert_true(flown.ground > 10000);
+        assert_int_equal(flown.holes, 0);
+        assert_true(flown.process_mib < 400);
     }
 }
 
@@ -151,6 +190,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(flights_are_whole),
+        cmocka_unit_test(planets_are_flown_in_little_memory),
         cmocka_unit_test(at_rest_nothing_is_missing),
     };
     return cmocka_run_group_tests(tests, make_world, folder_remove);
