@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "common/terrain/paged.h"
 
+#include "common/parallel.h"
 #include "common/report.h"
 #include "common/terrain/detail.h"
 #include "common/terrain/extrema.h"
@@ -244,27 +245,50 @@ static struct rect window_number(const struct paged *p, int level, int k)
     return (struct rect){x, y, smaller(x + PAGED_BLOCK, stored[0]), smaller(y + PAGED_BLOCK, stored[1])};
 }
 
+struct estimate {
+    struct paged *paged;
+    struct window_estimate {
+        bool good;
+        struct difference levels[PYRAMID_MAX_FINER + LAYOUT_LEVELS]; // from the finest
+    } windows[WINDOWS];
+};
+
+static void compare_window(int k, void *user)
+{
+    struct estimate *estimate = user;
+    struct paged *p = estimate->paged;
+    struct window_estimate *window = &estimate->windows[k];
+    struct rect w = window_number(p, p->finest, k);
+    int32_t truth[PAGED_BLOCK * PAGED_BLOCK];
+    paged_window(p, p->finest, w.x0, w.y0, (int)rect_width(&w), (int)rect_height(&w), truth, TERRAIN_WAIT);
+    window->good = true;
+    for (int l = p->finest + 1; l <= p->coarsest && window->good; l++)
+        window->good = compare(p, l, p->finest, &w, truth, &window->levels[l - p->finest]);
+}
+
 // rms_error_q of all levels, and what the finest differs from level 0 at most, from windows of the finest.
 static bool estimate_errors(struct paged *p, double *most_of_zero_q)
 {
-    struct difference sums[PYRAMID_MAX_FINER + LAYOUT_LEVELS] = {{0}};
-    int32_t *truth = malloc(PAGED_BLOCK * PAGED_BLOCK * sizeof *truth);
-    if (!truth) return false;
-    bool good = true;
-    for (int k = 0; k < smaller(window_count(p, p->finest), WINDOWS) && good; k++) {
-        struct rect w = window_number(p, p->finest, k);
-        paged_window(p, p->finest, w.x0, w.y0, (int)rect_width(&w), (int)rect_height(&w), truth,
-                     TERRAIN_WAIT);
-        for (int l = p->finest + 1; l <= p->coarsest && good; l++)
-            good = compare(p, l, p->finest, &w, truth, &sums[l - p->finest]);
-    }
-    free(truth);
+    struct estimate *estimate = calloc(1, sizeof *estimate);
+    int windows = (int)smaller(window_count(p, p->finest), WINDOWS);
+    bool good = estimate != NULL;
+    if (!good) return false;
+    estimate->paged = p;
+    parallel_blocks(windows, 0, compare_window, estimate);
+    *most_of_zero_q = 0;
     for (int l = p->finest + 1; l <= p->coarsest; l++) {
-        const struct difference *sum = &sums[l - p->finest];
-        paged_map(p, l)->rms_error_q = sum->count > 0 ? sqrt(sum->squares / sum->count) : 0;
-        if (l <= 0) paged_map(p, l)->max_error_q = sum->most;
+        struct difference sum = {0};
+        for (int k = 0; k < windows; k++) {
+            const struct difference *d = &estimate->windows[k].levels[l - p->finest];
+            sum =
+                (struct difference){sum.squares + d->squares, fmax(sum.most, d->most), sum.count + d->count};
+        }
+        paged_map(p, l)->rms_error_q = sum.count > 0 ? sqrt(sum.squares / sum.count) : 0;
+        if (l <= 0) paged_map(p, l)->max_error_q = sum.most;
+        if (l == 0) *most_of_zero_q = sum.most;
     }
-    *most_of_zero_q = p->finest < 0 ? sums[-p->finest].most : 0;
+    for (int k = 0; k < windows; k++) good = good && estimate->windows[k].good;
+    free(estimate);
     return good;
 }
 
@@ -313,28 +337,45 @@ static bool measure_errors(struct paged *p)
 
 // ---- noise of synthesised levels -------------------------------------------
 
-// Root mean square of a level's residuals against U of the coarser one, from windows away from the border.
-static double residual_rms(struct paged *p, int level)
+struct residual {
+    struct paged *paged;
+    int level;
+    struct difference windows[WINDOWS];
+};
+
+// Of one window, without what stands next to the border.
+static void measure_residual(int k, void *user)
 {
     enum { MARGIN = 4, SIDE = PAGED_BLOCK };
+    struct residual *r = user;
     int32_t fine[SIDE * SIDE], predicted[SIDE * SIDE], coarse[(SIDE / 2 + 4) * (SIDE / 2 + 4)];
-    const int64_t *stored = paged_map(p, level)->stored;
+    const int64_t *stored = paged_map(r->paged, r->level)->stored;
+    struct rect w = window_number(r->paged, r->level, k), under;
+    w = (struct rect){larger(w.x0, MARGIN), larger(w.y0, MARGIN), smaller(w.x1, stored[0] - MARGIN),
+                      smaller(w.y1, stored[1] - MARGIN)};
+    int width = (int)rect_width(&w), height = (int)rect_height(&w);
+    if (width < 1 || height < 1) return;
+    under.x0 = (w.x0 >> 1) - 1, under.x1 = under.x0 + upsample_coarse_size(w.x0, width);
+    under.y0 = (w.y0 >> 1) - 1, under.y1 = under.y0 + upsample_coarse_size(w.y0, height);
+    paged_rect_and_parents(r->paged, r->level, &(struct patch){w, fine}, &(struct patch){under, coarse});
+    upsample(coarse, w.x0, w.y0, width, height, predicted);
+    for (int i = 0; i < width * height; i++) {
+        double d = fine[i] - predicted[i];
+        r->windows[k].squares += d * d;
+    }
+    r->windows[k].count = (double)width * height;
+}
+
+// Root mean square of a level's residuals against U of the coarser one.
+static double residual_rms(struct paged *p, int level)
+{
+    struct residual residual = {.paged = p, .level = level};
+    int windows = (int)smaller(window_count(p, level), WINDOWS);
     double squares = 0, count = 0;
-    for (int k = 0; k < smaller(window_count(p, level), WINDOWS); k++) {
-        struct rect w = window_number(p, level, k);
-        w = (struct rect){larger(w.x0, MARGIN), larger(w.y0, MARGIN), smaller(w.x1, stored[0] - MARGIN),
-                          smaller(w.y1, stored[1] - MARGIN)};
-        int width = (int)rect_width(&w), height = (int)rect_height(&w);
-        if (width < 1 || height < 1) continue;
-        paged_window(p, level, w.x0, w.y0, width, height, fine, TERRAIN_WAIT);
-        paged_window(p, level + 1, (w.x0 >> 1) - 1, (w.y0 >> 1) - 1, upsample_coarse_size(w.x0, width),
-                     upsample_coarse_size(w.y0, height), coarse, TERRAIN_WAIT);
-        upsample(coarse, w.x0, w.y0, width, height, predicted);
-        for (int i = 0; i < width * height; i++) {
-            double d = fine[i] - predicted[i];
-            squares += d * d;
-        }
-        count += (double)width * height;
+    parallel_blocks(windows, 0, measure_residual, &residual);
+    for (int k = 0; k < windows; k++) {
+        squares += residual.windows[k].squares;
+        count += residual.windows[k].count;
     }
     return count > 0 ? sqrt(squares / count) : 0;
 }
@@ -434,7 +475,7 @@ static bool prepare(struct paged *p, const char *path)
     if (planet) p->coarsest = p->planet.coarsest;
     synthesis_fill_table(&p->table, p->options.seed);
     if (!paged_read_init(p) || !bound_levels(p)) return fail("%s: its index does not fit in memory", path);
-    choose_sigmas(p);
+    if (finer > 0) choose_sigmas(p); // from blocks all over the map, which take seconds to decode
     bound_synthesised(p);
     if (!measure_errors(p)) return fail("%s: does not fit in memory", path);
     return !paged_failed(p); // told where it was found

@@ -76,6 +76,10 @@ static inline int32_t paged_limit(int64_t q)
 // paged_read.c
 // Samples of a rectangle inside what is stored, in quanta, rows `stride` apart, which may be negative.
 bool paged_rect(struct paged *paged, int level, const struct rect *rect, int32_t *out, int64_t stride);
+// The same of a rectangle and of one of the coarser level, row by row, of a level of the file.  No block is
+// kept: far from everything else that is read, those on the way to it would be decoded for it alone.
+void paged_rect_and_parents(struct paged *paged, int level, const struct patch *wanted,
+                            const struct patch *parents);
 // Asks for the blocks of a rectangle that are not there; true when all are.
 bool paged_ask(struct paged *paged, int level, const struct rect *rect);
 bool paged_read_init(struct paged *paged); // false when memory runs out

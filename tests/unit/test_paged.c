@@ -6,6 +6,7 @@
 #include "bench/error/truth.h"
 #include "common/parallel.h"
 #include "common/terrain/paged.h"
+#include "common/terrain/pyramid.h"
 #include "common/terrain/reader.h"
 #include "common/terrain/relief/relief_file.h"
 #include "common/terrain/relief/relief_pack.h"
@@ -301,6 +302,71 @@ static void test_detail_depends_on_its_place_alone(void **state)
         terrain_destroy(usual);
         terrain_destroy(small);
     }
+}
+
+// rms of what U of the coarser level leaves of the finer one, without 4 samples next to the border, in
+// `parts` of a quantum: U rounds.
+static double residual_rms(const struct level *fine, const struct level *coarse, int parts)
+{
+    enum { FROM = 4 };
+    int side = (int)fine->size[0] - 2 * FROM, under = upsample_coarse_size(FROM, side);
+    int32_t *window = malloc((size_t)(under * under) * sizeof *window);
+    int32_t *predicted = malloc((size_t)(side * side) * sizeof *predicted);
+    for (int k = 0; k < under * under; k++)
+        window[k] =
+            parts * coarse->samples[(FROM / 2 - 1 + k / under) * coarse->size[0] + FROM / 2 - 1 + k % under];
+    upsample(window, FROM, FROM, side, side, predicted);
+    double squares = 0;
+    for (int k = 0; k < side * side; k++) {
+        double d = parts * fine->samples[(FROM + k / side) * fine->size[0] + FROM + k % side] - predicted[k];
+        squares += d * d;
+    }
+    free(window);
+    free(predicted);
+    return sqrt(squares / side / side);
+}
+
+// On a map this small, from all of it.
+static void test_noise_goes_on_from_the_levels_of_the_file(void **state)
+{
+    (void)state;
+    enum { SIDE = 257, FITTED = 4 }; // 257, 129, 65, 33: the levels that are large enough
+    for (enum layout layout = LAYOUT_WAVELET; layout <= LAYOUT_BOUNDED; layout++) {
+        pack(SIDE, SIDE, layout, 8, "noise.relief");
+        struct relief *relief = relief_open(in_folder("noise.relief"));
+        struct terrain *terrain = load("noise.relief", (struct terrain_options){.synthesize_levels = 2});
+        int parts = (int)(relief_header(relief)->quantum_m / terrain_info(terrain)->quantum_m);
+        double rms_q[FITTED], noise_log2, noise_slope;
+        struct level fine = whole_level(relief, 0);
+        for (int l = 0; l < FITTED; l++) {
+            struct level coarse = whole_level(relief, l + 1);
+            rms_q[l] = residual_rms(&fine, &coarse, parts);
+            free(fine.samples);
+            fine = coarse;
+        }
+        free(fine.samples);
+        pyramid_fit_noise(rms_q, FITTED, &noise_log2, &noise_slope);
+        for (int l = -1; l >= -2; l--) {
+            double noise_q = exp2(noise_log2 + noise_slope * l);
+            assert_true(fabs(terrain_level(terrain, l).noise_q - noise_q) <= 1e-9 * noise_q);
+        }
+        terrain_destroy(terrain);
+        relief_close(relief);
+    }
+}
+
+// A file that tells the errors of its levels opens without a look at its finest one.
+static void test_opening_keeps_no_fine_blocks(void **state)
+{
+    (void)state;
+    pack(600, 500, LAYOUT_WAVELET, 3, "opened.relief");
+    struct paged *paged = paged_open(in_folder("opened.relief"), &(struct terrain_options){0});
+    assert_non_null(paged);
+    int held = 0;
+    for (int64_t y = 0; y * BLOCK < 500; y++)
+        for (int64_t x = 0; x * BLOCK < 600; x++) held += paged_holds(paged, (struct slot_key){x, y, 0});
+    assert_int_equal(held, 0);
+    paged_close(paged);
 }
 
 // ---- the ray caster --------------------------------------------------------
@@ -609,6 +675,8 @@ int main(void)
         cmocka_unit_test(test_estimates_are_told),
         cmocka_unit_test(test_levels_of_older_files_are_measured),
         cmocka_unit_test(test_detail_depends_on_its_place_alone),
+        cmocka_unit_test(test_noise_goes_on_from_the_levels_of_the_file),
+        cmocka_unit_test(test_opening_keeps_no_fine_blocks),
         cmocka_unit_test(test_rays_meet_the_same_ground),
         cmocka_unit_test(test_arrivals_follow_from_frames_alone),
         cmocka_unit_test(test_what_is_asked_for_arrives_after_the_latency),
