@@ -271,8 +271,8 @@ static bool estimate_errors(struct paged *p, double *most_of_zero_q)
 {
     struct estimate *estimate = calloc(1, sizeof *estimate);
     int windows = (int)smaller(window_count(p, p->finest), WINDOWS);
-    bool good = estimate != NULL;
-    if (!good) return false;
+    bool good = true;
+    if (!estimate) return false;
     estimate->paged = p;
     parallel_blocks(windows, 0, compare_window, estimate);
     *most_of_zero_q = 0;
