@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { BLOCK = 32, CORNERS = BLOCK + 1 };
+enum { BLOCK = 32, SMALLEST_BLOCK = 4, CORNERS = BLOCK + 1 };
 
 struct corner {
     double place[2], height_m;    // columns and rows from the map's south-west sample
@@ -103,6 +103,37 @@ static double sag_of(const struct making *m, const struct corner *a, const struc
     return fmin(all, fabs(out) + aside * slope_beside(m, a, b));
 }
 
+// Height of a fan over a place of its cell, in columns and rows.
+static double fan_height(const struct making *m, const double place[2])
+{
+    const struct corner *base = m->fan;
+    double u = place[0] - base[0].place[0], v = fabs(place[1] - base[0].place[1]);
+    return (1 - v) * ((1 - u) * base[0].height_m + u * base[1].height_m) + v * m->pole_m;
+}
+
+// Only the fan itself has such an edge: it is neither a meridian nor the row where the fan begins.
+static bool is_inside_fan(const struct making *m, const struct corner *a, const struct corner *b)
+{
+    if (!m->fan || is_pole(m, a) || is_pole(m, b) || a->place[0] == b->place[0]) return false;
+    return a->place[1] != m->fan->place[1] || b->place[1] != m->fan->place[1];
+}
+
+// How far the middle of an edge inside a fan is above or below it.  A bound of slopes would split edges along
+// the parallel, again and again, and leave slivers metres long and millimetres wide, inside which rasterisers
+// interpolate badly.
+static double fan_gap(const struct making *m, const struct corner *a, const struct corner *b,
+                      const struct corner *middle)
+{
+    double relative[3], world[3], turn = (double)m->size[0];
+    for (int axis = 0; axis < 3; axis++) relative[axis] = 0.5 * (a->relative[axis] + b->relative[axis]);
+    view_world(m->view, relative, world);
+    double across = hypot(world[0], world[1]);
+    double place[2] = {atan2(world[1], world[0]) / m->step[0] - (double)m->first,
+                       atan2(world[2], across) / m->step[1] + 0.5 * (double)m->size[1]};
+    place[0] += turn * round((middle->place[0] - place[0]) / turn);
+    return fabs(hypot(across, world[2]) - m->info->radius_m - fan_height(m, place));
+}
+
 // Heights are linear along an edge, but not across the fan of a cell at a pole (terrain.h).  What fans share
 // is the same number from both sides: u and v are 0 or 1 there, or it is the row where the fan begins.
 static double middle_height(const struct making *m, const struct corner *a, const struct corner *b,
@@ -111,8 +142,7 @@ static double middle_height(const struct making *m, const struct corner *a, cons
     const struct corner *base = m->fan;
     double mean_m = 0.5 * (a->height_m + b->height_m);
     if (!base || (a->place[1] == base->place[1] && b->place[1] == base->place[1])) return mean_m;
-    double u = middle->place[0] - base[0].place[0], v = fabs(middle->place[1] - base[0].place[1]);
-    return (1 - v) * ((1 - u) * base[0].height_m + u * base[1].height_m) + v * m->pole_m;
+    return fan_height(m, middle->place);
 }
 
 // The triangles at an edge that is their longest reach no farther from its middle than it is long; those
@@ -127,7 +157,8 @@ static bool is_split(const struct making *m, const struct corner *a, const struc
     middle->height_m = middle_height(m, a, b, middle);
     set_relative(m, middle);
     for (int axis = 0; axis < 3; axis++) chord[axis] = b->relative[axis] - a->relative[axis];
-    return sag_of(m, a, b, middle) > sag_allowed(m, length_of(middle->relative) - length_of(chord));
+    double sag = is_inside_fan(m, a, b) ? fan_gap(m, a, b, middle) : sag_of(m, a, b, middle);
+    return sag > sag_allowed(m, length_of(middle->relative) - length_of(chord));
 }
 
 static bool reserve(struct making *m, size_t more)
@@ -155,6 +186,13 @@ static void add_triangle(struct making *m, const struct corner *a, const struct 
     float(*to)[3] = m->facets->corners + 3 * m->facets->triangles++;
     for (int k = 0; k < 3; k++)
         for (int axis = 0; axis < 3; axis++) to[k][axis] = (float)all[k]->relative[axis];
+}
+
+static double distance_between(const struct corner *a, const struct corner *b)
+{
+    double chord[3];
+    for (int axis = 0; axis < 3; axis++) chord[axis] = b->relative[axis] - a->relative[axis];
+    return length_of(chord);
 }
 
 static void add_facet(struct making *m, const struct corner *a, const struct corner *b,
@@ -190,6 +228,36 @@ static void add_facet(struct making *m, const struct corner *a, const struct cor
     add_facet(m, pq, qr, rp);
 }
 
+// What lies between two rows, its south or north side possibly a point.  It is cut across while both its east
+// and its west ask for it, and else from south to north, so that where a cell is much longer than wide each
+// goes as far as what it leaves out asks for.  Triangles split by edges would keep the cell's shape, since
+// the long edge between them is cut in half again and again.
+static void add_piece(struct making *m, const struct corner *sw, const struct corner *se,
+                      const struct corner *ne, const struct corner *nw)
+{
+    struct corner south, east, north, west;
+    bool south_split = sw != se && is_split(m, sw, se, &south),
+         north_split = ne != nw && is_split(m, ne, nw, &north);
+    bool across = is_split(m, se, ne, &east) && is_split(m, nw, sw, &west);
+    if (m->failed) return;
+    if (across) {
+        add_piece(m, sw, se, &east, &west);
+        add_piece(m, &west, &east, ne, nw);
+    } else if ((sw == se || south_split) && (ne == nw || north_split)) {
+        const struct corner *below = sw == se ? sw : &south, *above = ne == nw ? ne : &north;
+        add_piece(m, sw, below, above, nw);
+        add_piece(m, below, se, ne, above);
+    } else if (sw == se || ne == nw)
+        add_facet(m, sw, sw == se ? ne : se, sw == se ? nw : ne);
+    else if (distance_between(sw, ne) <= distance_between(se, nw)) {
+        add_facet(m, sw, se, ne);
+        add_facet(m, sw, ne, nw);
+    } else {
+        add_facet(m, sw, se, nw);
+        add_facet(m, se, ne, nw);
+    }
+}
+
 // ---- blocks ----------------------------------------------------------------
 
 struct block {
@@ -201,12 +269,12 @@ struct block {
 };
 
 static struct block block_at(const struct making *m, const struct terrain *terrain, int level,
-                             const int64_t from[2])
+                             const int64_t from[2], int cells)
 {
     struct block block = {.from = {from[0], from[1]}};
     int32_t low_q, high_q;
     for (int axis = 0; axis < 2; axis++)
-        block.to[axis] = from[axis] + BLOCK < m->size[axis] ? from[axis] + BLOCK : m->size[axis];
+        block.to[axis] = from[axis] + cells < m->size[axis] ? from[axis] + cells : m->size[axis];
     int64_t south = from[1] - m->size[1] / 2, north = block.to[1] - m->size[1] / 2;
     terrain_bounds(terrain, level, from[0] + m->first, south, block.to[0] + m->first, north, &low_q, &high_q);
     block.low_m = m->info->offset_m + m->info->quantum_m * low_q;
@@ -261,11 +329,10 @@ static bool is_whole(const struct making *m, const struct block *block)
 }
 
 static void add_block(struct making *m, const struct terrain *terrain, int level, const struct block *block,
-                      struct corner *corners)
+                      bool whole, struct corner *corners)
 {
     int width = (int)(block->to[0] - block->from[0]) + 1, height = (int)(block->to[1] - block->from[1]) + 1;
     int32_t samples[CORNERS * CORNERS];
-    bool whole = is_whole(m, block);
     terrain_window(terrain, level, block->from[0] + m->first, block->from[1] - m->size[1] / 2, width, height,
                    samples, TERRAIN_WAIT);
     for (int k = 0; k < width * height; k++) {
@@ -274,17 +341,41 @@ static void add_block(struct making *m, const struct terrain *terrain, int level
             .height_m = m->info->offset_m + m->info->quantum_m * samples[k]};
         set_relative(m, &corners[k]);
     }
-    void (*add)(struct making *, const struct corner *, const struct corner *, const struct corner *) =
-        whole ? add_triangle : add_facet;
     for (int j = 0; j < height - 1; j++)
         for (int i = 0; i < width - 1; i++) {
             const struct corner *sw = corners + j * width + i, *nw = sw + width;
             bool south_pole = is_pole(m, sw), north_pole = is_pole(m, nw);
             m->fan = south_pole ? nw : north_pole ? sw : NULL;
             m->pole_m = (south_pole ? sw : nw)->height_m;
-            if (!south_pole) add(m, sw, sw + 1, north_pole ? nw : nw + 1);
-            if (!north_pole) add(m, sw, nw + 1, nw);
+            const struct corner *ne = north_pole ? nw : nw + 1;
+            if (whole) {
+                if (!south_pole) add_triangle(m, sw, sw + 1, ne);
+                if (!north_pole) add_triangle(m, sw, ne, nw);
+            } else {
+                if (!south_pole) add_piece(m, sw, sw + 1, ne, ne);
+                if (!north_pole) add_piece(m, sw, sw, ne, nw);
+            }
         }
+}
+
+// What is split is looked at in smaller blocks, of which fewer are seen.  Whether anything is.
+static bool add_seen(struct making *m, const struct terrain *terrain, const struct frustum *frustum,
+                     const int64_t from[2], int cells, struct corner *corners)
+{
+    if (m->failed || from[0] >= m->size[0] || from[1] >= m->size[1]) return false;
+    int level = m->info->finest;
+    struct block block = block_at(m, terrain, level, from, cells);
+    if (!is_seen(m, &block, frustum)) return false;
+    bool whole = is_whole(m, &block), any = false;
+    if (whole || cells == SMALLEST_BLOCK) {
+        add_block(m, terrain, level, &block, whole, corners);
+        return true;
+    }
+    for (int quarter = 0; quarter < 4; quarter++) {
+        int64_t corner[2] = {from[0] + (quarter % 2) * cells / 2, from[1] + (quarter / 2) * cells / 2};
+        any |= add_seen(m, terrain, frustum, corner, cells / 2, corners);
+    }
+    return any;
 }
 
 static struct making begin(struct facets *facets, const struct terrain *terrain, const struct view *view,
@@ -352,11 +443,8 @@ bool facets_make(struct facets *facets, const struct facet_rises *rises, const s
     facets->blocks = facets->blocks_drawn = 0;
     for (from[1] = 0; from[1] < m.size[1] && !m.failed; from[1] += BLOCK)
         for (from[0] = 0; from[0] < m.size[0] && !m.failed; from[0] += BLOCK) {
-            struct block block = block_at(&m, terrain, m.info->finest, from);
             facets->blocks++;
-            if (!is_seen(&m, &block, cull ? &frustum : NULL)) continue;
-            facets->blocks_drawn++;
-            add_block(&m, terrain, m.info->finest, &block, corners);
+            facets->blocks_drawn += add_seen(&m, terrain, cull ? &frustum : NULL, from, BLOCK, corners);
         }
     return !m.failed || fail("terrain %s: more than %zu triangles in a view are more than brute holds",
                              m.info->name, most_bytes / 36);

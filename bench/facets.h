@@ -2,9 +2,10 @@
 //
 // Between samples heights are linear in (longitude, latitude) and placed radially, so a facet is curved.  It
 // is split until what each edge leaves out is below FACETS_SAG_PX on the screen, at the nearest place that
-// the triangle may have.  Whether an edge is split hangs on the edge alone, so both triangles at it, of
-// whatever cells, split it alike: the mesh has no T-junctions, its shared corners are bitwise equal, and the
-// 180th meridian and the poles are places like others.
+// the triangle may have; one much longer than wide, as near the poles, is cut across its length alone while
+// its width leaves out nothing: rasterisers interpolate badly within slivers.  Whether an edge is split hangs
+// on the edge alone, so both triangles at it, of whatever cells, split it alike: the mesh has no T-junctions,
+// its shared corners are bitwise equal, and the 180th meridian and the poles are places like others.
 // SPDX-License-Identifier: MIT
 #ifndef BENCH_FACETS_H
 #define BENCH_FACETS_H
@@ -34,8 +35,8 @@ struct facets {          // starts zeroed
 };
 
 // What may be seen: blocks of 32 x 32 cells beyond the horizon are left out, and with `cull` those outside
-// the frustum.  Memory grows as views ask for it; false after one line on stderr when there are more than
-// most_bytes.
+// the frustum; where facets are split, so are such blocks of 4 x 4.  Memory grows as views ask for it; false
+// after one line on stderr when there are more than most_bytes.
 bool facets_make(struct facets *facets, const struct facet_rises *rises, const struct terrain *terrain,
                  const struct view *view, bool cull, double sag_px, size_t most_bytes);
 void facets_finish(struct facets *facets); // accepts a zeroed struct

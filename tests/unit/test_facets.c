@@ -5,7 +5,6 @@
 
 #include <string.h>
 
-// 32 columns are one block: always seen, so that the mesh closes around the planet.
 enum { COLUMNS = 32 };
 
 static struct view view_from(const struct terrain *terrain, const double at[4])
@@ -50,7 +49,33 @@ static size_t list_edges(const struct facets *facets, bool turned, struct edge *
     return count;
 }
 
-// Every edge is gone along as often one way as the other, with the same bits at its ends.
+// Whether the sphere of the lowest ground hides a place: no height over it is seen from farther round.
+static bool is_hidden(const struct terrain *terrain, const struct view *view, const float at[3])
+{
+    const struct terrain_info *info = terrain_info(terrain);
+    double lowest_m = info->radius_m + info->offset_m + info->quantum_m * info->min_q;
+    double across = hypot((double)at[0], (double)at[1]), up = view->radius_m + (double)at[2];
+    double horizon = acos(lowest_m / view->radius_m) + acos(fmin(lowest_m / hypot(across, up), 1));
+    return atan2(across, up) > horizon;
+}
+
+// Edges that are gone along one way only; hidden ones border blocks that are left out.
+static size_t count_open(const struct terrain *terrain, const struct view *view, const struct edge *there,
+                         const struct edge *back, size_t count)
+{
+    size_t open = 0;
+    for (size_t i = 0, j = 0; i < count || j < count;) {
+        int order = i == count ? 1 : j == count ? -1 : compare_edges(&there[i], &back[j]);
+        const struct edge *alone = order < 0 ? &there[i] : &back[j];
+        open += order != 0 &&
+                !(is_hidden(terrain, view, alone->ends[0]) && is_hidden(terrain, view, alone->ends[1]));
+        i += order <= 0;
+        j += order >= 0;
+    }
+    return open;
+}
+
+// Every edge that can be seen is gone along as often one way as the other, with the same bits at its ends.
 static void the_mesh_is_closed(void **state)
 {
     (void)state;
@@ -61,12 +86,12 @@ static void the_mesh_is_closed(void **state)
     size_t most = 0, open = 0;
     for (int p = 0; p < PLACES_COUNT; p++) {
         struct view view = view_from(terrain, PLACES[p]);
-        assert_true(facets_make(&facets, &rises, terrain, &view, false, test_size(50, 1) * 1e-2, 1u << 31));
+        assert_true(facets_make(&facets, &rises, terrain, &view, false, test_size(10, 1) * 1e-2, 1u << 31));
         struct edge *there = malloc(3 * facets.triangles * sizeof *there),
                     *back = malloc(3 * facets.triangles * sizeof *back);
         size_t count = list_edges(&facets, false, there);
         assert_int_equal(count, list_edges(&facets, true, back));
-        for (size_t e = 0; e < count; e++) open += memcmp(&there[e], &back[e], sizeof *there) != 0;
+        open += count_open(terrain, &view, there, back, count);
         if (facets.triangles > most) most = facets.triangles;
         free(there);
         free(back);
