@@ -198,9 +198,14 @@ struct truth_sphere *truth_sphere_create(const struct terrain *terrain)
         s->pole = s->detail->grid.pole;
         s->finest = info->finest;
         s->crowded = acos(fmin(s->spacing_rad[1] / s->spacing_rad[0] / CROWDED, 1)) / s->spacing_rad[1];
-        struct terrain_level finest = terrain_level(terrain, s->finest);
-        s->low = finest.min_q;
-        s->highest = finest.max_q;
+        // Rays are cut at these: they are those of the map as a whole, which read on demand is what it is in
+        // memory, so that hits are the same, bit for bit.
+        struct terrain_level stored = terrain_level(terrain, 0);
+        double range_q = (double)stored.max_q - stored.min_q;
+        double over_q =
+            s->finest < 0 ? range_q * DETAIL_OVERSHOOT + detail_noise_limit(s->detail, -s->finest) : 0;
+        s->low = stored.min_q - over_q;
+        s->highest = stored.max_q + over_q;
     }
     if (s && (s->idle = calloc(1, sizeof *s->idle))) pthread_mutex_init(&s->idle->lock, NULL);
     if (s && s->idle && build_bounds(s)) return s;

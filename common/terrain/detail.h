@@ -34,6 +34,7 @@ struct terrain_extent detail_under(int level, int64_t x0, int64_t y0, int width,
 // How far the finest of `levels` synthesised levels may leave the range of the stored samples about it, as
 // quanta for noise (the largest deviate there is) and as a share of the range for U (numerics.md, B11).
 double detail_noise_limit(const struct detail *detail, int levels);
+enum { DETAIL_REACH = 3 };      // stored samples to either side that U^L reads
 #define DETAIL_NORM 1.565       // of U^L (numerics.md, B10)
 #define DETAIL_OVERSHOOT 0.2825 // (DETAIL_NORM - 1) / 2
 #define DETAIL_DEVIATE 8.3      // the largest deviate there is (synthesis.h)

@@ -9,6 +9,7 @@
 #include "common/terrain/tint.h"
 
 #include <cjson/cJSON.h>
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -59,6 +60,12 @@ static double metres(const struct terrain_info *info, int32_t q)
     return info->quantum_m * q + info->offset_m;
 }
 
+// NAN: nobody knows.
+static void add_error(cJSON *item, const char *name, double error_m)
+{
+    cJSON_AddItemToObject(item, name, isnan(error_m) ? cJSON_CreateNull() : cJSON_CreateNumber(error_m));
+}
+
 static void print_json(const struct terrain *terrain)
 {
     const struct terrain_info *info = terrain_info(terrain);
@@ -86,9 +93,9 @@ static void print_json(const struct terrain *terrain)
         cJSON_AddNumberToObject(item, "level", l);
         cJSON_AddNumberToObject(item, "width", (double)(level.extent.x1 - level.extent.x0));
         cJSON_AddNumberToObject(item, "height", (double)(level.extent.y1 - level.extent.y0));
-        cJSON_AddNumberToObject(item, "rms_error_m", level.rms_error_m);
+        add_error(item, "rms_error_m", level.rms_error_m);
         if (level.rms_estimated) cJSON_AddTrueToObject(item, "rms_error_is_estimated");
-        cJSON_AddNumberToObject(item, "max_error_m", level.max_error_m);
+        add_error(item, "max_error_m", level.max_error_m);
         if (level.max_estimated) cJSON_AddTrueToObject(item, "max_error_is_estimated");
     }
     char *text = cJSON_Print(root);
@@ -113,11 +120,17 @@ static void print_text(const struct terrain *terrain)
         char size[48];
         snprintf(size, sizeof size, "%lld x %lld", (long long)(level.extent.x1 - level.extent.x0),
                  (long long)(level.extent.y1 - level.extent.y0));
-        printf("%6d %12s %11.6g %43.3f %10.3f\n", l, size, level.spacing_m[0], level.rms_error_m,
-               level.max_error_m);
+        printf("%6d %12s %11.6g", l, size, level.spacing_m[0]);
+        if (isnan(level.rms_error_m))
+            printf(" %43s %10s\n", "-", "-");
+        else
+            printf(" %43.3f %10.3f\n", level.rms_error_m, level.max_error_m);
     }
     struct terrain_level coarsest = terrain_level(terrain, info->coarsest);
-    if (coarsest.rms_estimated)
+    if (isnan(coarsest.rms_error_m))
+        printf("synthesised levels of a planet are made where they are looked at: no level was compared with "
+               "the finest\n");
+    else if (coarsest.rms_estimated)
         printf("rms%s: estimated, from a few blocks spread over the map%s\n",
                coarsest.max_estimated ? " and max" : "", coarsest.max_estimated ? "" : "; max: of all of it");
 }
@@ -130,7 +143,7 @@ static int info_main(int argc, char **argv)
     int count = 1;
     const struct cli_option options[] = {
         {"json", NULL, "print JSON", CLI_FLAG, &json, 0, 0, NULL},
-        {"synthesize", "N", "finer levels to add, 0..8", CLI_INT, &finer, 0, 8, NULL},
+        {"synthesize", "N", "finer levels to add, 0..8; to a planet 0..18", CLI_INT, &finer, 0, 18, NULL},
         {NULL, NULL, NULL, CLI_FLAG, NULL, 0, 0, NULL},
     };
     if (!cli_parse(argc, argv, options, words, &count)) return EXIT_COMMAND_LINE;

@@ -92,6 +92,63 @@ static bool check_sphere(const struct terrain_grid *grid, const struct terrain_o
                                                 (long long)grid->first[0], (long long)most);
 }
 
+// Widens the bounds by those of a rectangle inside the extent, counted from its south-west sample.
+static void widen_bounds(const struct pyramid_level *l, int64_t x0, int64_t y0, int64_t x1, int64_t y1,
+                         int32_t *min_q, int32_t *max_q)
+{
+    int64_t from[2] = {x0, y0}, to[2] = {x1, y1};
+    int32_t low, high;
+    extrema_bounds(&l->extrema, l->samples, pyramid_width(l), from, to, &low, &high);
+    *min_q = low < *min_q ? low : *min_q;
+    *max_q = high > *max_q ? high : *max_q;
+}
+
+// Of a stored level.  Beyond a pole the whole rows up to it are taken.
+static void sphere_bounds(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int64_t x1,
+                          int64_t y1, int32_t *min_q, int32_t *max_q)
+{
+    if (terrain->paged) {
+        paged_planet_bounds(terrain->paged, level, x0, y0, x1, y1, min_q, max_q);
+        return;
+    }
+    const struct pyramid_level *l = pyramid_level(&terrain->pyramid, level);
+    struct sphere_grid grid = sphere_level(&terrain->detail.grid, level);
+    int64_t rows = 2 * grid.pole, south = y0 + grid.pole, north = y1 + grid.pole;
+    bool around = x1 - x0 >= grid.columns - 1 || south < 0 || north > rows;
+    int64_t low = clamp(south < 0 ? 0 : north > rows ? 2 * rows - north : south, 0, rows);
+    low = clamp(south, 0, low);
+    int64_t high = clamp(south < 0 && -south > north ? -south : north, 0, rows);
+    int64_t i = x0, j = 0;
+    sphere_fold(&grid, &i, &j);
+    int64_t west = i - grid.first, east = west + (x1 - x0);
+    *min_q = INT32_MAX, *max_q = INT32_MIN;
+    if (around) {
+        widen_bounds(l, 0, low, grid.columns - 1, high, min_q, max_q);
+        return;
+    }
+    widen_bounds(l, west, low, east < grid.columns ? east : grid.columns - 1, high, min_q, max_q);
+    if (east >= grid.columns) widen_bounds(l, 0, low, east - grid.columns, high, min_q, max_q);
+}
+
+// Block by block: U leaves the range of what it reads by a share of that range, which for the whole map would
+// promise mountains as high as its trenches are deep.
+static void bound_detail(struct terrain *terrain)
+{
+    const int block = terrain->paged ? TERRAIN_PAGE : 8;
+    const struct sphere_grid *grid = &terrain->detail.grid;
+    double *bounds = terrain->without_noise_q;
+    bounds[0] = HUGE_VAL, bounds[1] = -HUGE_VAL;
+    for (int64_t y = -grid->pole; y < grid->pole; y += block)
+        for (int64_t x = grid->first; x < grid->first + grid->columns; x += block) {
+            int32_t low = 0, high = 0;
+            sphere_bounds(terrain, 0, x - DETAIL_REACH, y - DETAIL_REACH, x + block + DETAIL_REACH,
+                          y + block + DETAIL_REACH, &low, &high);
+            double over = DETAIL_OVERSHOOT * ((double)high - low);
+            bounds[0] = fmin(bounds[0], low - over);
+            bounds[1] = fmax(bounds[1], high + over);
+        }
+}
+
 // What a planet is, given its grid and what its detail is made from.
 static void describe_sphere(struct terrain *terrain, double radius_m, const struct terrain_options *options)
 {
@@ -111,6 +168,7 @@ static void describe_sphere(struct terrain *terrain, double radius_m, const stru
     for (int level = -1; level >= info->finest; level--)
         detail->sigma_q[-level] =
             terrain->paged ? paged_noise_q(terrain->paged, level) : pyramid_noise_q(&terrain->pyramid, level);
+    if (info->finest < 0) bound_detail(terrain);
     struct terrain_level finest = terrain_level(terrain, info->finest);
     info->min_q = finest.min_q;
     info->max_q = finest.max_q;
@@ -298,21 +356,18 @@ const struct terrain_info *terrain_info(const struct terrain *terrain)
 // A level that is made on demand: what can be told without making it.
 static struct terrain_level detail_level(const struct terrain *terrain, int level)
 {
-    const struct terrain_level of_zero = terrain_level(terrain, 0), *stored = &of_zero;
     struct sphere_grid grid = sphere_level(&terrain->detail.grid, level);
-    double range = (double)stored->max_q - stored->min_q;
-    int32_t margin = (int32_t)ceil(range * DETAIL_OVERSHOOT + detail_noise_limit(&terrain->detail, -level));
+    double noise_q = detail_noise_limit(&terrain->detail, -level);
     return (struct terrain_level){
         .extent = sphere_extent(&grid),
         .spacing_m = {ldexp(terrain->info.spacing_m[0], level), ldexp(terrain->info.spacing_m[1], level)},
-        .min_q = stored->min_q - margin,
-        .max_q = stored->max_q + margin,
+        .min_q = (int32_t)floor(terrain->without_noise_q[0] - noise_q),
+        .max_q = (int32_t)ceil(terrain->without_noise_q[1] + noise_q),
         .noise_q = terrain->detail.sigma_q[-level]};
 }
 
-struct terrain_level terrain_level(const struct terrain *terrain, int level)
+static struct terrain_level stored_level(const struct terrain *terrain, int level)
 {
-    if (is_sphere(terrain) && level < 0) return detail_level(terrain, level);
     if (terrain->paged) {
         struct terrain_level stored = paged_level(terrain->paged, level);
         struct sphere_grid grid = sphere_level(&terrain->detail.grid, level);
@@ -330,6 +385,16 @@ struct terrain_level terrain_level(const struct terrain *terrain, int level)
         .rms_error_m = l->rms_error_q * terrain->info.quantum_m,
         .max_error_m = l->max_error_q * terrain->info.quantum_m,
         .noise_q = l->sigma_q};
+}
+
+struct terrain_level terrain_level(const struct terrain *terrain, int level)
+{
+    bool made = is_sphere(terrain) && level < 0;
+    struct terrain_level of = made ? detail_level(terrain, level) : stored_level(terrain, level);
+    // The levels that are made are too large to be compared with any other.
+    if (is_sphere(terrain) && level > terrain->info.finest && terrain->info.finest < 0)
+        of.rms_error_m = of.max_error_m = (double)NAN;
+    return of;
 }
 
 bool terrain_window(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int width, int height,
@@ -368,51 +433,12 @@ bool terrain_window(const struct terrain *terrain, int level, int64_t x0, int64_
     return true;
 }
 
-// Widens the bounds by those of a rectangle inside the extent, counted from its south-west sample.
-static void widen_bounds(const struct pyramid_level *l, int64_t x0, int64_t y0, int64_t x1, int64_t y1,
-                         int32_t *min_q, int32_t *max_q)
-{
-    int64_t from[2] = {x0, y0}, to[2] = {x1, y1};
-    int32_t low, high;
-    extrema_bounds(&l->extrema, l->samples, pyramid_width(l), from, to, &low, &high);
-    *min_q = low < *min_q ? low : *min_q;
-    *max_q = high > *max_q ? high : *max_q;
-}
-
-// Of a stored level.  Beyond a pole the whole rows up to it are taken.
-static void sphere_bounds(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int64_t x1,
-                          int64_t y1, int32_t *min_q, int32_t *max_q)
-{
-    if (terrain->paged) {
-        paged_planet_bounds(terrain->paged, level, x0, y0, x1, y1, min_q, max_q);
-        return;
-    }
-    const struct pyramid_level *l = pyramid_level(&terrain->pyramid, level);
-    struct sphere_grid grid = sphere_level(&terrain->detail.grid, level);
-    int64_t rows = 2 * grid.pole, south = y0 + grid.pole, north = y1 + grid.pole;
-    bool around = x1 - x0 >= grid.columns - 1 || south < 0 || north > rows;
-    int64_t low = clamp(south < 0 ? 0 : north > rows ? 2 * rows - north : south, 0, rows);
-    low = clamp(south, 0, low);
-    int64_t high = clamp(south < 0 && -south > north ? -south : north, 0, rows);
-    int64_t i = x0, j = 0;
-    sphere_fold(&grid, &i, &j);
-    int64_t west = i - grid.first, east = west + (x1 - x0);
-    *min_q = INT32_MAX, *max_q = INT32_MIN;
-    if (around) {
-        widen_bounds(l, 0, low, grid.columns - 1, high, min_q, max_q);
-        return;
-    }
-    widen_bounds(l, west, low, east < grid.columns ? east : grid.columns - 1, high, min_q, max_q);
-    if (east >= grid.columns) widen_bounds(l, 0, low, east - grid.columns, high, min_q, max_q);
-}
-
 // Of a level made on demand: the stored samples that it is made of, and how far it may leave their range.
 static void detail_bounds(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int64_t x1,
                           int64_t y1, int32_t *min_q, int32_t *max_q)
 {
-    enum { REACH = 3 }; // stored samples to either side that U^L reads
-    sphere_bounds(terrain, 0, (x0 >> -level) - REACH, (y0 >> -level) - REACH, (x1 >> -level) + 1 + REACH,
-                  (y1 >> -level) + 1 + REACH, min_q, max_q);
+    sphere_bounds(terrain, 0, (x0 >> -level) - DETAIL_REACH, (y0 >> -level) - DETAIL_REACH,
+                  (x1 >> -level) + 1 + DETAIL_REACH, (y1 >> -level) + 1 + DETAIL_REACH, min_q, max_q);
     double range = (double)*max_q - *min_q;
     int32_t margin = (int32_t)ceil(range * DETAIL_OVERSHOOT + detail_noise_limit(&terrain->detail, -level));
     *min_q -= margin;

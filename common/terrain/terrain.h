@@ -68,9 +68,9 @@ struct terrain_info {
     double quantum_m, offset_m; // height_m = quantum_m * q + offset_m
     int finest, coarsest;       // level numbers, finest <= 0 <= coarsest
     double outline_m[4];        // exact outline of the map: x_min, y_min, x_max, y_max
-    int32_t min_q, max_q;       // of the finest level, voids filled
-    uint64_t voids_filled;      // samples of the source that were void
-    uint64_t samples;           // of the finest level
+    int32_t min_q, max_q;  // of the finest level, voids filled; bounds where it is a planet's and synthesised
+    uint64_t voids_filled; // samples of the source that were void
+    uint64_t samples;      // of the finest level
 };
 
 struct terrain_level {
@@ -78,7 +78,8 @@ struct terrain_level {
     double spacing_m[2];
     int32_t min_q, max_q;
     double rms_error_m,
-        max_error_m;    // PL(this level) - PL(finest level) at the finest samples; 0 at the finest
+        max_error_m;    // PL(this level) - PL(finest level) at the finest samples; 0 at the finest.  NAN over
+                        // the synthesised levels of a planet, which nobody made as a whole
     bool rms_estimated; // rms_error_m is that of a few blocks spread over a large map on disk: its file does
                         // not tell it, or finer levels are made up
     bool max_estimated; // so is max_error_m, and terrain_error with it: finer levels are made up
@@ -152,8 +153,8 @@ void terrain_bounds(const struct terrain *terrain, int level, int64_t x0, int64_
 
 // At least the largest difference in metres between the level's surface and that of the finest, over a
 // rectangle of samples of the level (both ends included).  Read on demand: that of the tiles under it, from
-// the side section.  In memory, and over made-up levels of a file: the level's max_error_m, which there may
-// be an estimate (terrain_level.max_estimated) and then bounds nothing.
+// the side section.  In memory, on a sphere, and over made-up levels of a file: the level's max_error_m,
+// which may be NAN or an estimate (terrain_level.max_estimated) and then bounds nothing.
 double terrain_error(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int64_t x1,
                      int64_t y1);
 

@@ -9,9 +9,10 @@
 
 struct terrain {
     struct terrain_info info;
-    struct pyramid pyramid; // unused when the terrain is read on demand
-    struct detail detail;   // sphere: its grid, and the levels that are not in memory
-    struct paged *paged;    // NULL: in memory
+    struct pyramid pyramid;    // unused when the terrain is read on demand
+    struct detail detail;      // sphere: its grid, and the levels that are not in memory
+    double without_noise_q[2]; // lowest and highest that U may make of level 0, in finer levels
+    struct paged *paged;       // NULL: in memory
 };
 
 #endif

@@ -146,6 +146,34 @@ static void bounds_hold_all_samples(void **state)
     terrain_destroy(terrain);
 }
 
+// A mountain and a trench far from each other: U leaves the range of the samples that it reads, not that of
+// the map.  What nobody has made is compared with nothing.
+static void made_levels_are_bound_where_they_are(void **state)
+{
+    (void)state;
+    enum { HIGH = 4000 };
+    static int32_t samples[COLUMNS * ROWS];
+    samples[ROWS / 2 * COLUMNS + COLUMNS / 4] = HIGH;
+    samples[ROWS / 2 * COLUMNS + COLUMNS / 4 * 3] = -HIGH;
+    struct terrain_grid grid = {.name = "two", .samples = samples, .width = COLUMNS, .height = ROWS};
+    grid.spacing_m[0] = grid.spacing_m[1] = grid.quantum_m = 1;
+    for (int finer = 0; finer <= 2; finer += 2) {
+        struct terrain_options options = {.radius_m = RADIUS, .synthesize_levels = finer, .refine_bits = 1};
+        struct terrain *terrain = terrain_from_grid(&grid, &options);
+        struct terrain_level level = terrain_level(terrain, terrain_info(terrain)->finest);
+        double noise_q = 0, high_q = 2 * HIGH;
+        for (int l = -1; l >= -finer; l--)
+            noise_q += DETAIL_NORM * (DETAIL_DEVIATE * terrain_level(terrain, l).noise_q + 1);
+        double over_q = finer ? DETAIL_OVERSHOOT * high_q + noise_q + 1 : 0;
+        assert_true(level.max_q >= high_q && level.max_q <= high_q + over_q);
+        assert_true(level.min_q <= -high_q && level.min_q >= -high_q - over_q);
+        assert_true(level.max_error_m == 0 && level.rms_error_m == 0);
+        assert_true(isnan(terrain_level(terrain, 1).rms_error_m) == (finer > 0));
+        assert_true(isnan(terrain_level(terrain, 1).max_error_m) == (finer > 0));
+        terrain_destroy(terrain);
+    }
+}
+
 // The same sample from any window, and a surface that goes on over the seam and is one height at a pole.
 static void truth_is_one_surface(void **state)
 {
@@ -286,6 +314,7 @@ int main(void)
         cmocka_unit_test(windows_go_around),
         cmocka_unit_test(levels_know_no_seam),
         cmocka_unit_test(bounds_hold_all_samples),
+        cmocka_unit_test(made_levels_are_bound_where_they_are),
         cmocka_unit_test(truth_is_one_surface),
         cmocka_unit_test(detail_is_the_same_from_any_window),
         cmocka_unit_test(pixel_centres_become_grid_lines),
