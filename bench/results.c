@@ -132,6 +132,7 @@ static void add_scene(cJSON *root, const struct run *run)
     cJSON_AddNumberToObject(json, "voids_filled", (double)info->voids_filled);
     cJSON_AddNumberToObject(json, "min_m", info->offset_m + info->quantum_m * info->min_q);
     cJSON_AddNumberToObject(json, "max_m", info->offset_m + info->quantum_m * info->max_q);
+    if (info->datum == TERRAIN_SPHERE && info->finest < 0) cJSON_AddTrueToObject(json, "heights_are_bounds");
     cJSON_AddNumberToObject(json, "width", scene->width);
     cJSON_AddNumberToObject(json, "height", scene->height);
     cJSON_AddNumberToObject(json, "fov_vertical_deg", scene->fov_vertical * 180 / 3.14159265358979323846);

@@ -280,7 +280,9 @@ static void add_scene(const cJSON *root, struct text *page)
     add_figure_fact(page, " \u00d7 ", json_number(root, "scene.samples_y"), ")");
     add_figure_fact(page, ", ", item_number(json_at(root, "scene.spacing_m"), 0), "\u00a0m");
     add_figure_fact(page, " \u00d7 ", item_number(json_at(root, "scene.spacing_m"), 1), "\u00a0m apart");
-    add_figure_fact(page, ", heights from ", json_number(root, "scene.min_m"), "");
+    bool bounds = cJSON_IsTrue(json_at(root, "scene.heights_are_bounds"));
+    add_figure_fact(page, bounds ? ", heights within " : ", heights from ", json_number(root, "scene.min_m"),
+                    "");
     add_figure_fact(page, " to ", json_number(root, "scene.max_m"), "\u00a0m");
     add_figure_fact(page, ", synthesised levels ", json_number(root, "scene.synthesised_levels"), "");
     add_figure_fact(page, ", voids filled ", json_number(root, "scene.voids_filled"), "");

@@ -99,9 +99,12 @@ void text_add_escaped(struct text *text, const char *raw)
     }
 }
 
+static const double MOST_DIGITS = 1e15; // counts from there on are told by three digits and a power
+
 const char *count_text(double value, char out[NUMBER_TEXT])
 {
-    if (!isfinite(value) || fabs(value) > 1e15) return strcpy(out, DASH);
+    if (!isfinite(value)) return strcpy(out, DASH);
+    if (fabs(value) >= MOST_DIGITS) return number_text(value, out);
     char digits[32];
     int count = snprintf(digits, sizeof digits, "%.0f", fabs(value));
     char *end = out;
@@ -128,7 +131,7 @@ static char *superscript(char *end, int value)
 const char *number_text(double value, char out[NUMBER_TEXT])
 {
     if (!isfinite(value)) return strcpy(out, DASH);
-    if (value == floor(value)) return count_text(value, out);
+    if (value == floor(value) && fabs(value) < MOST_DIGITS) return count_text(value, out);
     char scientific[32]; // rounds first, so that 9.999 reads 10.0 and not 10.00
     snprintf(scientific, sizeof scientific, "%.2e", fabs(value));
     int exponent = atoi(strchr(scientific, 'e') + 1);

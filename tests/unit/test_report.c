@@ -2,6 +2,7 @@
 // hostile or broken. The results are made here: three methods at four settings, decimated at four, brute and
 // null, on curves with known answers. SPDX-License-Identifier: MIT
 #include "bench/error/error.h"
+#include "bench/report/parts.h"
 #include "bench/report/report.h"
 #include "bench/statistics.h"
 #include "common/image.h"
@@ -1014,6 +1015,18 @@ static void broken_input_is_one_line_and_no_page(void **state)
     assert_no_litter(".");
 }
 
+// Counts are told digit by digit, those that nobody reads so by three digits and a power of ten.
+static void counts_of_any_size_are_told(void **state)
+{
+    (void)state;
+    char text[NUMBER_TEXT];
+    assert_string_equal(count_text(1234567, text), "1\u202f234\u202f567");
+    assert_string_equal(count_text(2504824997806080.0, text), "2.50\u00d710\u00b9\u2075");
+    assert_string_equal(number_text(2504824997806080.0, text), "2.50\u00d710\u00b9\u2075");
+    assert_string_equal(count_text(999900000000000.0, text), "999\u202f900\u202f000\u202f000\u202f000");
+    assert_string_equal(count_text(HUGE_VAL, text), "\u2013");
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -1029,6 +1042,7 @@ int main(void)
         CASE(what_was_not_measured_claims_nothing),
         CASE(holes_and_broken_promises_are_said),
         CASE(no_number_is_no_number),
+        cmocka_unit_test(counts_of_any_size_are_told),
         CASE(survives_missing_fields),
         CASE(incomplete_single_and_empty),
         CASE(nothing_from_the_files_becomes_markup),
