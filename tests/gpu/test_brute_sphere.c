@@ -76,7 +76,7 @@ static void brute_and_the_caster_agree(void **state)
     struct picture p;
     struct terrain *terrain = test_planet(test_size(512, 2048), 2500, 9, 0);
     struct truth_surface *surface = truth_surface_create(terrain);
-    struct error_samples plane_px = {0};
+    double worst_px = 0;
     uint64_t coverage = 0, order = 0, holes = 0, ground = 0;
     picture_init(&p);
     struct renderer_desc desc = {
@@ -91,19 +91,21 @@ static void brute_and_the_caster_agree(void **state)
         const struct frame_error *e = &p.error;
         coverage += e->holes + e->misses + e->spills, holes += e->holes, ground += e->ground;
         order += frame_error_order_beyond_grid(e, &p.truth, surface, &view, p.positions);
+        struct error_samples plane_px = {0};
         for (int i = 0; i < p.width * p.height; i++)
             if (!isnan(e->plane_px[i])) assert_true(error_samples_add(&plane_px, &e->plane_px[i], 1));
+        worst_px = fmax(worst_px, error_samples_summary(&plane_px).p999);
+        error_samples_finish(&plane_px);
     }
-    double p999 = error_samples_summary(&plane_px).p999, pixels = (double)COUNT * p.width * p.height;
-    FIGURE("brute on a planet: %.2e px p99.9 from the caster; of %.0f pixels %d holes, %d covered otherwise, "
-           "%d other "
-           "surfaces",
-           p999, pixels, (int)holes, (int)coverage, (int)order);
+    double pixels = (double)COUNT * p.width * p.height;
+    FIGURE(
+        "brute on a planet: in the worst of %d views %.2e px p99.9 from the caster; of %.0f pixels %d holes, "
+        "%d covered otherwise, %d other surfaces",
+        COUNT, worst_px, pixels, (int)holes, (int)coverage, (int)order);
     assert_int_equal(holes, 0);
     assert_true((double)ground > 0.4 * pixels);
-    assert_true(p999 <= 1.6e-4);
+    assert_true(worst_px <= 1.6e-4);
     assert_true((double)coverage <= 4 * pixels / 307200 && (double)order <= 4 * pixels / 307200);
-    error_samples_finish(&plane_px);
     brute_renderer.destroy(renderer);
     truth_surface_destroy(surface);
     terrain_destroy(terrain);
