@@ -3,6 +3,7 @@
 #ifndef COMMON_TERRAIN_PAGED_PARTS_H
 #define COMMON_TERRAIN_PAGED_PARTS_H
 
+#include "common/integer.h"
 #include "common/terrain/paged.h"
 #include "common/terrain/pyramid.h"
 #include "common/terrain/relief/relief_file.h"
@@ -11,14 +12,6 @@
 
 #include <stdatomic.h>
 
-static inline int64_t smaller(int64_t a, int64_t b)
-{
-    return a < b ? a : b;
-}
-static inline int64_t larger(int64_t a, int64_t b)
-{
-    return a > b ? a : b;
-}
 static inline int64_t clamp(int64_t value, int64_t low, int64_t high)
 {
     return value < low ? low : value > high ? high : value;

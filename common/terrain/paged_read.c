@@ -274,17 +274,11 @@ bool paged_rect(struct paged *p, int level, const struct rect *r, int32_t *out, 
     return read_rect(p, level, r, false, out, stride);
 }
 
-static struct rect rect_around(const struct rect *a, const struct rect *b)
-{
-    return (struct rect){smaller(a->x0, b->x0), smaller(a->y0, b->y0), larger(a->x1, b->x1),
-                         larger(a->y1, b->y1)};
-}
-
 void paged_rect_and_parents(struct paged *p, int level, const struct patch *wanted,
                             const struct patch *parents)
 {
     struct rect needed = relief_coarse_rect(p->relief, level, &wanted->rect);
-    struct patch coarse = {.rect = rect_around(&needed, &parents->rect)};
+    struct patch coarse = {.rect = rect_hull(&needed, &parents->rect)};
     coarse.samples =
         malloc((size_t)(rect_width(&coarse.rect) * rect_height(&coarse.rect)) * sizeof *coarse.samples);
     bool good = coarse.samples || no_memory(p);

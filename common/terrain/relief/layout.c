@@ -1,18 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "common/terrain/relief/layout.h"
 
+#include "common/integer.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-static int64_t smaller(int64_t a, int64_t b)
-{
-    return a < b ? a : b;
-}
-static int64_t larger(int64_t a, int64_t b)
-{
-    return a > b ? a : b;
-}
 
 // ---- the levels ------------------------------------------------------------
 

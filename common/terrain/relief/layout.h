@@ -18,6 +18,7 @@
 #ifndef COMMON_TERRAIN_RELIEF_LAYOUT_H
 #define COMMON_TERRAIN_RELIEF_LAYOUT_H
 
+#include "common/integer.h"
 #include "common/terrain/relief/coder.h"
 
 #include <stdbool.h>
@@ -47,6 +48,22 @@ static inline int64_t rect_width(const struct rect *r)
 static inline int64_t rect_height(const struct rect *r)
 {
     return r->y1 - r->y0;
+}
+static inline struct rect rect_hull(const struct rect *a, const struct rect *b)
+{
+    return (struct rect){smaller(a->x0, b->x0), smaller(a->y0, b->y0), larger(a->x1, b->x1),
+                         larger(a->y1, b->y1)};
+}
+static inline struct rect rect_clipped(const struct rect *r, const int64_t size[2])
+{
+    return (struct rect){larger(r->x0, 0), larger(r->y0, 0), smaller(r->x1, size[0]),
+                         smaller(r->y1, size[1])};
+}
+static inline struct rect rect_blocks(const struct rect *samples, int shift) // of 2^shift that it touches
+{
+    int64_t last = ((int64_t)1 << shift) - 1;
+    return (struct rect){samples->x0 >> shift, samples->y0 >> shift, (samples->x1 + last) >> shift,
+                         (samples->y1 + last) >> shift};
 }
 static inline int32_t *patch_at(const struct patch *patch, int64_t x, int64_t y)
 {

@@ -4,13 +4,14 @@
 //   pack_poles.c     what stands in the poles of a planet's levels
 //   pack_stages.c    regions, stages and the top: reduced and coded
 //   pack_steps.c     the steps that reach an aim
-//   pack_region.c    one region: reduced, coded, and measured against level 0 (pack_squares.c)
+//   pack_region.c    one region: reduced and coded
+//   pack_errors.c    and measured against level 0 (pack_squares.c)
 //   pack_assemble.c  the file, from what was coded
 // SPDX-License-Identifier: MIT
 #ifndef COMMON_TERRAIN_RELIEF_PACK_H
 #define COMMON_TERRAIN_RELIEF_PACK_H
 
-#include "common/terrain/relief/pack_region.h"
+#include "common/terrain/relief/pack_errors.h"
 #include "common/terrain/relief/pack_store.h"
 #include "common/terrain/relief/planet_source.h"
 #include "common/terrain/relief/relief_pack.h"

@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "common/terrain/relief/pack_method.h"
 
-#include <string.h>
+#include "common/integer.h"
 
-static int64_t smaller(int64_t a, int64_t b)
-{
-    return a < b ? a : b;
-}
+#include <string.h>
 
 static size_t encode_bands(const struct layout_tile *tile, const coder_band *k, uint8_t *out,
                            struct coder_counts *counts)

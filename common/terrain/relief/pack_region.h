@@ -6,6 +6,7 @@
 
 #include "common/terrain/relief/pack_method.h"
 #include "common/terrain/relief/pack_squares.h"
+#include "common/terrain/upsample.h"
 
 #include <stddef.h>
 
@@ -34,6 +35,8 @@ struct packed_tile {
     uint32_t bytes, error_q;
     int32_t min_q, max_q;
 };
+
+enum { REGION_TILE_SHIFT = 6 }; // LAYOUT_SAMPLES
 
 struct region_level {
     struct rect core;                // samples of the level that are the region's own
@@ -71,32 +74,20 @@ void region_code_base(struct region *region);
 // their extrema too.
 bool region_code(struct region *region, bool write);
 
-int32_t region_quanta(int32_t value, int fraction_bits); // of internal units, limited
+static inline int32_t region_quanta(int32_t value, int fraction_bits) // of internal units, limited
+{
+    int32_t round = fraction_bits ? 1 << (fraction_bits - 1) : 0, q = (value + round) >> fraction_bits;
+    return q > QUANTA_LIMIT ? QUANTA_LIMIT : q < -QUANTA_LIMIT ? -QUANTA_LIMIT : q;
+}
+
+// Of the region's own tiles, once they are written; NULL: another's.
+struct packed_tile *region_own_tile(const struct region_level *at, int64_t tx, int64_t ty);
 
 // Row of a level in which a planet's pole stands: end 0 the south one.
 int64_t region_pole_row(const struct pack_coder *coder, int level, int end);
-
-// What decoding gives against what was wanted, over the core of level 0 without a planet's margin.
-struct region_sums {
-    squares_wide squares;
-    int64_t samples, most;
-    int32_t min_q, max_q;
-};
-void region_measure(const struct region *region, struct region_sums *sums); // adds
-
-// A region of level 0: the largest difference of each level's surface from level 0 over each tile, rounded
-// up. Levels below `coarse` are exact and go to `packed`.  For coarser ones the cells of `coarse` are gone
-// through: |their surface - that of `coarse`| + |that of `coarse` - level 0|, never too small; `beyond`
-// receives them for the tiles under the core, level by level from `coarse`, row by row.  `read` gives decoded
-// samples, internal units, of levels from `coarse` (NULL: the region has them).  region->squares receives the
-// squares of each level's differences at the samples that region_measure counts, in (quanta / 2^level)^2.
-// False when memory runs out.
-struct region_reader {
-    bool (*read)(void *user, int level, const struct patch *to);
-    void *user;
-};
-struct rect region_tiles_above(const struct region *region, int level); // tiles of a level under the core
-size_t region_beyond(const struct region *region);                      // how many `beyond` holds
-bool region_errors(struct region *region, const struct region_reader *reader, uint32_t *beyond);
+// The pole's height where a row is one that is known; else NULL.
+const int32_t *region_pole(const struct pack_coder *coder, int level, int64_t y);
+// A pole is one height on all meridians; `bits`: of the patch's fraction.
+void region_flatten_poles(const struct pack_coder *coder, int level, int bits, const struct patch *patch);
 
 #endif

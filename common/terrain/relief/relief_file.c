@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "common/terrain/relief/relief_file.h"
 
+#include "common/integer.h"
 #include "common/report.h"
 #include "common/terrain/upsample.h"
 
@@ -310,15 +311,6 @@ size_t relief_resident_bytes(const struct relief *relief)
 
 // ---- decoding --------------------------------------------------------------
 
-static int64_t smaller(int64_t a, int64_t b)
-{
-    return a < b ? a : b;
-}
-static int64_t larger(int64_t a, int64_t b)
-{
-    return a > b ? a : b;
-}
-
 static int64_t tiles_of(int64_t end) // tiles that indices below `end` reach
 {
     return (end + CODER_TILE - 1) / CODER_TILE;
@@ -331,8 +323,7 @@ static struct rect tile_rect(const struct relief *r, int level, const struct rec
     if (r->header.layout == LAYOUT_WAVELET) {
         struct rect low = layout_wavelet_band_rect(&r->grid, level, wanted, 0);
         struct rect high = layout_wavelet_band_rect(&r->grid, level, wanted, BAND_HH);
-        t = (struct rect){smaller(low.x0, high.x0), smaller(low.y0, high.y0), larger(low.x1, high.x1),
-                          larger(low.y1, high.y1)};
+        t = rect_hull(&low, &high);
     } else
         t = (struct rect){wanted->x0 / 2, wanted->y0 / 2, (wanted->x1 + 1) / 2, (wanted->y1 + 1) / 2};
     return (struct rect){t.x0 / CODER_TILE, t.y0 / CODER_TILE, tiles_of(t.x1), tiles_of(t.y1)};
