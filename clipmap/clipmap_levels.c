@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "clipmap/clipmap_levels.h"
 
+#include "common/integer.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -50,16 +52,6 @@ static int64_t even_down(int64_t i)
 static int64_t even_up(int64_t i)
 {
     return 2 * clipmap_floor_div(i + 1, 2);
-}
-
-static int64_t larger(int64_t a, int64_t b)
-{
-    return a > b ? a : b;
-}
-
-static int64_t smaller(int64_t a, int64_t b)
-{
-    return a < b ? a : b;
 }
 
 struct clipmap_box clipmap_box_common(const struct clipmap_box *a, const struct clipmap_box *b)

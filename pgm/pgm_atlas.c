@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "pgm/pgm_atlas.h"
 
+#include "common/integer.h"
 #include "common/report.h"
 
 #include <math.h>
@@ -9,16 +10,6 @@
 
 // Texels of one upload; smallest tile worth having; samples of a level that are waited for at the start.
 enum { PIECE = 32768, SIDE_LEAST = 16, SOON = 1 << 18 };
-
-static int64_t smaller(int64_t a, int64_t b)
-{
-    return a < b ? a : b;
-}
-
-static int64_t larger(int64_t a, int64_t b)
-{
-    return a > b ? a : b;
-}
 
 static bool is_mipmapped(const struct pgm_atlas *atlas)
 {

@@ -1,18 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "pgm/pgm_windows.h"
 
+#include "common/integer.h"
+
 // Lines that a side grows by at once, at least, where so many are missing; samples beyond which no more.
 enum { LINES_AT_LEAST = 8, SAMPLES_AT_ONCE = 1 << 16 };
-
-static int64_t smaller(int64_t a, int64_t b)
-{
-    return a < b ? a : b;
-}
-
-static int64_t larger(int64_t a, int64_t b)
-{
-    return a > b ? a : b;
-}
 
 static int64_t between(int64_t value, int64_t low, int64_t high)
 {

@@ -1,21 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "common/terrain/extrema.h"
 
+#include "common/integer.h"
 #include "common/parallel.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 enum { ROWS_A_BLOCK = 64 };
-
-static int64_t smaller(int64_t a, int64_t b)
-{
-    return a < b ? a : b;
-}
-static int64_t larger(int64_t a, int64_t b)
-{
-    return a > b ? a : b;
-}
 
 static inline void widen(int32_t q, int32_t *min_q, int32_t *max_q)
 {
