@@ -62,10 +62,15 @@ static inline struct renderer *create(const struct fixture *f, const struct terr
     return create_with(&clipmap_renderer, desc, settings);
 }
 
+static inline void update_frame(struct renderer *renderer, int frame, const struct view *view)
+{
+    clipmap_renderer.begin_frame(renderer, frame);
+    assert_true(clipmap_renderer.update(renderer, view, 1));
+}
+
 static inline void update(struct renderer *renderer, const struct view *view)
 {
-    clipmap_renderer.begin_frame(renderer, 0);
-    assert_true(clipmap_renderer.update(renderer, view, 1));
+    update_frame(renderer, 0, view);
 }
 
 // Draws the positions of what the last update chose to f->pixels.

@@ -1,9 +1,8 @@
 // A clipmap over a map on disk, whose samples arrive late: watertight in every frame, the same for the same
 // flight whatever the threads, and at rest what waiting gives.  SPDX-License-Identifier: MIT
-#include "tests/gpu/test_clipmap.h"
+#include "tests/gpu/test_clipmap_late.h"
 
 #include "common/terrain/relief/relief_pack.h"
-#include "tests/folder.h"
 
 static const struct scene_effects own_effects = {.shading = SCENE_SHADING_OWN};
 
@@ -52,12 +51,6 @@ static struct renderer *create_shading(const struct fixture *f, const struct ter
     return create_with(&clipmap_renderer, desc, settings);
 }
 
-static void next(struct renderer *renderer, int frame, const struct view *view)
-{
-    clipmap_renderer.begin_frame(renderer, frame);
-    assert_true(clipmap_renderer.update(renderer, view, 1));
-}
-
 static uint64_t shaded_hash(struct fixture *f, struct gpu_target *target, struct renderer *renderer,
                             const struct terrain *terrain, const struct view *view)
 {
@@ -67,11 +60,6 @@ static uint64_t shaded_hash(struct fixture *f, struct gpu_target *target, struct
     gpu_target_read(f->gpu, target, f->pixels);
     return hash(1, f->pixels, PIXELS * 4);
 }
-
-struct tally {
-    struct drops drops;
-    uint64_t frames, behind, sum; // sum: of all that is drawn
-};
 
 // Jumps over the map, waits each time until all is there, and compares with a flight that begins there.
 static void jumps(struct fixture *f, bool own, const char *settings, int count, struct tally *tally)
@@ -86,14 +74,14 @@ static void jumps(struct fixture *f, bool own, const char *settings, int count, 
         bool behind = true;
         for (int wait = 0; behind || wait < 2; wait++) {
             assert_true(wait < 300); // it catches up
-            next(renderer, frame++, &view);
+            update_frame(renderer, frame++, &view);
             behind = counter(renderer, "levels_behind") > 0;
             tally->frames++;
             tally->behind += behind;
             count_drops(f, renderer, terrain, &view, &tally->drops);
         }
         struct renderer *fresh = create_shading(f, terrain, own, settings);
-        next(fresh, 0, &view);
+        update_frame(fresh, 0, &view);
         assert_true(counter(fresh, "levels_behind") == 0); // the first frame waits
         assert_int_equal(shaded_hash(f, &target, renderer, terrain, &view),
                          shaded_hash(f, &target, fresh, terrain, &view));
@@ -119,40 +107,20 @@ static void late_samples_leave_no_holes(void **state)
     }
 }
 
-static void flight(struct fixture *f, struct renderer *renderer, const struct terrain *terrain,
-                   struct tally *tally)
+// What is read ahead serves but for the jump.
+static void look(const struct terrain *terrain, int frame, struct view *view)
 {
     const struct camera camera = {.eye_m = {-9000, 5000, 300}, .yaw = 0.4, .pitch = -0.3, .fov_vertical = 1};
-    struct view view;
-    view_init(&view, terrain, &camera, WIDTH, HEIGHT, 0);
-    gpu_target_begin(f->gpu, &f->target);
-    for (int frame = 0; frame < 60; frame++) {
-        int cells = frame == 30 ? 400 : 3; // what is read ahead serves but for the jump
-        view.eye_lattice[0] += (int64_t)cells << view.lattice_bits;
-        view.eye_m[0] += cells * hills.spacing_m[0];
-        next(renderer, frame, &view);
-        tally->behind += counter(renderer, "levels_behind") > 0;
-        capture_chosen(f, renderer, terrain, &view, hash_triangles, &tally->sum);
-    }
+    int64_t cells = 3 * (frame + 1) + (frame < 30 ? 0 : 397);
+    view_init(view, terrain, &camera, WIDTH, HEIGHT, 0);
+    view->eye_lattice[0] += cells << view->lattice_bits;
+    view->eye_m[0] += (double)cells * hills.spacing_m[0];
 }
 
 static void a_flight_repeats(void **state)
 {
-    struct fixture *f = *state;
-    struct tally tallies[3] = {{.sum = 1}, {.sum = 1}, {.sum = 1}};
-    for (int workers = 1; workers <= 3; workers += 2) {
-        struct terrain *terrain = load(workers);
-        struct renderer *renderer = create(f, terrain, "n=127");
-        flight(f, renderer, terrain, &tallies[workers / 2]);
-        if (workers == 1) flight(f, renderer, terrain, &tallies[2]); // again
-        clipmap_renderer.destroy(renderer);
-        terrain_destroy(terrain);
-    }
-    FIGURE("a flight of 60 frames, %lu of them behind: the same again and with three workers",
-           tallies[0].behind);
-    assert_int_equal(tallies[0].sum, tallies[1].sum);
-    assert_int_equal(tallies[0].sum, tallies[2].sum);
-    assert_true(tallies[0].behind > 0 && tallies[0].behind < 60);
+    assert_late_flight_repeats(
+        *state, &(struct late_flight){.settings = "n=127", .load = load, .look = look, .frames = 60});
 }
 
 int main(void)

@@ -12,12 +12,6 @@ static uint64_t triangles(const struct renderer *renderer)
     return stats.triangles;
 }
 
-static void fly(struct renderer *renderer, int frame, const struct view *view)
-{
-    clipmap_renderer.begin_frame(renderer, frame);
-    assert_true(clipmap_renderer.update(renderer, view, 1));
-}
-
 enum { VIEWS_A_SIZE = 334 }; // at full size: 2,000 over the six sizes
 
 // ---- budget: B3, B8 --------------------------------------------------------
@@ -39,7 +33,7 @@ static void teleport(struct fixture *f, const struct terrain *terrain, int n, in
         struct view view = view_over(terrain, &seed, 2, 3000);
         uint64_t before = 0;
         for (double behind = 1; behind > 0;) {
-            fly(renderer, frame++, &view);
+            update_frame(renderer, frame++, &view);
             behind = counter(renderer, "levels_behind");
             // The first frame of a flight reads everything.
             assert_true(frame == 1 || counter(renderer, "samples_updated") <= budget);
@@ -98,7 +92,7 @@ static double mean_triangles(struct fixture *f, struct renderer *renderer, const
     for (int frame = 0; frame < frames; frame++) {
         struct view view = on_the_way(terrain, (double)frame / frames);
         for (int again = 0; again < 1 + frame % 2; again++)
-            fly(renderer, frame, &view); // spends nothing more
+            update_frame(renderer, frame, &view); // spends nothing more
         capture_chosen(f, renderer, terrain, &view, hash_triangles, sum);
         mean += (double)triangles(renderer) / frames;
     }
@@ -221,7 +215,7 @@ static void ahead_draws_the_same(void **state)
         struct view view = on_the_way(terrain, frame / 200.0);
         uint64_t sums[2] = {1, 1};
         for (int r = 0; r < 2; r++) {
-            fly(renderers[r], frame, &view);
+            update_frame(renderers[r], frame, &view);
             read[r] += counter(renderers[r], "levels_read");
             capture_chosen(f, renderers[r], terrain, &view, hash_triangles, &sums[r]);
         }

@@ -1,35 +1,14 @@
 // A clipmap over a planet on disk, whose samples arrive late: watertight in every frame, the same for the
 // same flight whatever the threads, and at rest what waiting gives. SPDX-License-Identifier: MIT
-#include "tests/gpu/test_clipmap.h"
+#include "tests/gpu/test_clipmap_late.h"
 
-#include "common/terrain/relief/relief_pack.h"
-#include "tests/folder.h"
-
-enum { COLUMNS = 2880, ROWS = 1441 };
-static const double RADIUS = 6371007;
+#include "tests/planet.h"
 
 static int pack_planet(void **state)
 {
-    struct heightfield field = {.name = "planet",
-                                .width = COLUMNS,
-                                .height = ROWS,
-                                .spacing_m = {2 * M_PI * RADIUS / COLUMNS, 2 * M_PI * RADIUS / COLUMNS},
-                                .quantum_m = 1,
-                                .radius_m = RADIUS,
-                                .samples = malloc((size_t)COLUMNS * ROWS * sizeof(int32_t))};
-    const struct relief_pack_options options = {.layout = LAYOUT_BOUNDED, .max_m = 4};
-    struct relief_header header;
-    if (folder_create(state) || !field.samples) return -1;
-    for (int k = 0; k < COLUMNS * ROWS; k++) {
-        double longitude = 2 * M_PI * (k % COLUMNS) / COLUMNS,
-               latitude = M_PI * (k / COLUMNS) / (ROWS - 1) - M_PI / 2;
-        double x = cos(latitude) * cos(longitude), y = cos(latitude) * sin(longitude), z = sin(latitude);
-        field.samples[k] = (int32_t)lrint(2500 * sin(9 * x + 2 * y) * cos(6 * z - y) +
-                                          700 * sin(95 * x * y + 85 * z) * cos(78 * z - 60 * x));
-    }
-    bool good = relief_pack(&field, &options, in_folder("planet.relief"), &header);
-    heightfield_finish(&field);
-    return good ? setup(state) : -1;
+    if (folder_create(state)) return -1;
+    test_planet_pack(2880, 2500, 19, 4, in_folder("planet.relief"));
+    return setup(state);
 }
 
 static int remove_planet(void **state)
@@ -52,16 +31,10 @@ static struct terrain *load(int workers, bool wait)
     return terrain;
 }
 
-static void next(struct renderer *renderer, int frame, const struct view *view)
+static struct terrain *load_late(int workers)
 {
-    clipmap_renderer.begin_frame(renderer, frame);
-    assert_true(clipmap_renderer.update(renderer, view, 1));
+    return load(workers, false);
 }
-
-struct tally {
-    struct drops drops;
-    uint64_t frames, behind, sum; // sum: of all that is drawn
-};
 
 // Jumps from place to place, poles and the seam among them, and waits each time until all is there: in every
 // frame nothing is dropped, and in the end the picture is that of a renderer that waited all along.
@@ -88,8 +61,8 @@ static void late_samples_leave_no_holes(void **state)
             bool behind = true;
             for (int wait = 0; behind || wait < 2; wait++, frame++) {
                 assert_true(wait < 600); // it catches up
-                next(renderer, frame, &view);
-                next(other, frame, &view);
+                update_frame(renderer, frame, &view);
+                update_frame(other, frame, &view);
                 behind = counter(renderer, "levels_behind") > 0;
                 tally.frames++;
                 tally.behind += behind;
@@ -111,38 +84,19 @@ static void late_samples_leave_no_holes(void **state)
     }
 }
 
-static void flight(struct fixture *f, struct renderer *renderer, const struct terrain *terrain,
-                   struct tally *tally)
+// Over the seam, then a jump.
+static void look(const struct terrain *terrain, int frame, struct view *view)
 {
-    for (int frame = 0; frame < 40; frame++) { // over the seam, then a jump
-        double east = (frame < 20 ? M_PI : 1) * RADIUS + (frame - 10) * 4000;
-        struct camera camera = {
-            .eye_m = {east, 0.5 * RADIUS, 9000}, .yaw = 0.4, .pitch = -0.3, .fov_vertical = 1};
-        struct view view;
-        view_init(&view, terrain, &camera, WIDTH, HEIGHT, 0);
-        next(renderer, frame, &view);
-        tally->behind += counter(renderer, "levels_behind") > 0;
-        capture_chosen(f, renderer, terrain, &view, hash_triangles, &tally->sum);
-    }
+    double east = (frame < 20 ? M_PI : 1) * RADIUS + (frame - 10) * 4000;
+    struct camera camera = {
+        .eye_m = {east, 0.5 * RADIUS, 9000}, .yaw = 0.4, .pitch = -0.3, .fov_vertical = 1};
+    view_init(view, terrain, &camera, WIDTH, HEIGHT, 0);
 }
 
 static void a_flight_repeats(void **state)
 {
-    struct fixture *f = *state;
-    struct tally tallies[3] = {{.sum = 1}, {.sum = 1}, {.sum = 1}};
-    for (int workers = 1; workers <= 3; workers += 2) {
-        struct terrain *terrain = load(workers, false);
-        struct renderer *renderer = create(f, terrain, "n=63");
-        flight(f, renderer, terrain, &tallies[workers / 2]);
-        if (workers == 1) flight(f, renderer, terrain, &tallies[2]); // again
-        clipmap_renderer.destroy(renderer);
-        terrain_destroy(terrain);
-    }
-    FIGURE("a flight of 40 frames, %lu of them behind: the same again and with three workers",
-           tallies[0].behind);
-    assert_int_equal(tallies[0].sum, tallies[1].sum);
-    assert_int_equal(tallies[0].sum, tallies[2].sum);
-    assert_true(tallies[0].behind > 0 && tallies[0].behind < 40);
+    assert_late_flight_repeats(
+        *state, &(struct late_flight){.settings = "n=63", .load = load_late, .look = look, .frames = 40});
 }
 
 int main(void)

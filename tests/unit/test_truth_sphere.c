@@ -4,7 +4,6 @@
 #include "bench/error/truth_sphere.h"
 #include "common/scene/scene.h"
 #include "common/terrain/detail.h"
-#include "common/terrain/relief/relief_pack.h"
 #include "tests/folder.h"
 #include "tests/planet.h"
 
@@ -169,25 +168,10 @@ static void a_flat_planet_is_a_sphere(void **state)
     terrain_destroy(terrain);
 }
 
-// The planet of a terrain in memory, packed without loss and opened to be read on demand.
-static struct terrain *on_disk(const struct terrain *memory, int columns, int finer)
+// Packed without loss and opened to be read on demand.
+static struct terrain *on_disk(int columns, double waves, int finer)
 {
-    int rows = columns / 2 + 1;
-    struct heightfield field = {.name = "planet",
-                                .width = columns,
-                                .height = rows,
-                                .spacing_m = {2 * M_PI * RADIUS / columns, 2 * M_PI * RADIUS / columns},
-                                .quantum_m = 1,
-                                .radius_m = RADIUS,
-                                .samples = malloc((size_t)columns * (size_t)rows * sizeof(int32_t))};
-    struct relief_header header;
-    assert_non_null(field.samples);
-    terrain_window(memory, 0, -columns / 2, -columns / 4, columns, rows, field.samples, TERRAIN_WAIT);
-    for (int k = 0; k < columns * rows; k++)
-        field.samples[k] = (int32_t)lrint(field.samples[k] * terrain_info(memory)->quantum_m);
-    assert_true(relief_pack(&field, &(struct relief_pack_options){.layout = LAYOUT_BOUNDED},
-                            in_folder("planet.relief"), &header));
-    heightfield_finish(&field);
+    test_planet_pack(columns, 1e4, waves, 0, in_folder("planet.relief"));
     const struct terrain_options options = {.cache_bytes = 2 << 20, .synthesize_levels = finer, .seed = 2};
     struct terrain *disk = terrain_load(in_folder("planet.relief"), &options);
     assert_non_null(disk);
@@ -205,8 +189,9 @@ static void on_disk_as_in_memory(void **state)
     (void)state;
     for (int kind = 0; kind < 3; kind++) {
         int columns = KINDS[kind].columns, finer = KINDS[kind].finer, count = test_size(1000, 200000);
-        struct terrain *memory = test_planet(columns, 1e4, columns > W ? 40 : 9, finer);
-        struct terrain *disk = on_disk(memory, columns, finer);
+        double waves = columns > W ? 40 : 9;
+        struct terrain *memory = test_planet(columns, 1e4, waves, finer);
+        struct terrain *disk = on_disk(columns, waves, finer);
         // Noise is fitted to a file's own coarse levels: for the same planet it is given.
         memcpy(((struct detail *)(uintptr_t)terrain_detail(memory))->sigma_q, terrain_detail(disk)->sigma_q,
                sizeof terrain_detail(disk)->sigma_q);
