@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "bench/facets.h"
 #include "common/report.h"
+#include "common/terrain/detail.h"
 #include "common/terrain/sphere.h"
 #include "common/view/frustum.h"
 
@@ -18,6 +19,7 @@ struct corner {
 struct making {
     struct facets *facets;
     const struct terrain_info *info;
+    const struct detail *detail; // NULL: no level is synthesised
     const struct view *view;
     double step[2];  // radians between samples
     int64_t size[2]; // cells
@@ -107,7 +109,8 @@ static double sag_of(const struct making *m, const struct corner *a, const struc
 static double fan_height(const struct making *m, const double place[2])
 {
     const struct corner *base = m->fan;
-    double u = place[0] - base[0].place[0], v = fabs(place[1] - base[0].place[1]);
+    double wide = base[1].place[0] - base[0].place[0];
+    double u = (place[0] - base[0].place[0]) / wide, v = fabs(place[1] - base[0].place[1]);
     return (1 - v) * ((1 - u) * base[0].height_m + u * base[1].height_m) + v * m->pole_m;
 }
 
@@ -262,11 +265,21 @@ static void add_piece(struct making *m, const struct corner *sw, const struct co
 
 struct block {
     int64_t from[2], to[2]; // corners
+    int64_t wide;           // columns of its widest cells; those that begin in it are its own
     double low_m, high_m;
     double middle[3], reach_m; // a ball around it, relative to the eye
     double reach;              // the same as an angle from the planet's centre
     double parallel;           // largest cosine of latitude
 };
+
+// The widest cells about some rows of corners, in columns (detail.h).
+static int64_t widest_cell(const struct making *m, int64_t south, int64_t north)
+{
+    if (!m->detail) return 1;
+    int a = detail_exponent(m->detail, m->info->finest, south - m->size[1] / 2),
+        b = detail_exponent(m->detail, m->info->finest, north - m->size[1] / 2);
+    return (int64_t)1 << (a > b ? a : b);
+}
 
 static struct block block_at(const struct making *m, const struct terrain *terrain, int level,
                              const int64_t from[2], int cells)
@@ -276,15 +289,16 @@ static struct block block_at(const struct making *m, const struct terrain *terra
     for (int axis = 0; axis < 2; axis++)
         block.to[axis] = from[axis] + cells < m->size[axis] ? from[axis] + cells : m->size[axis];
     int64_t south = from[1] - m->size[1] / 2, north = block.to[1] - m->size[1] / 2;
-    terrain_bounds(terrain, level, from[0] + m->first, south, block.to[0] + m->first, north, &low_q, &high_q);
+    block.wide = widest_cell(m, from[1], block.to[1]);
+    int64_t east = (block.to[0] + block.wide - 1) / block.wide * block.wide;
+    terrain_bounds(terrain, level, from[0] + m->first, south, east + m->first, north, &low_q, &high_q);
     block.low_m = m->info->offset_m + m->info->quantum_m * low_q;
     block.high_m = m->info->offset_m + m->info->quantum_m * high_q;
     block.parallel = south <= 0 && north >= 0 ? 1 : cos((double)(south > 0 ? south : north) * m->step[1]);
     block.reach = 0.5 * (double)(block.to[1] - from[1]) * m->step[1] +
-                  0.5 * (double)(block.to[0] - from[0]) * m->step[0] * block.parallel;
-    struct corner middle = {
-        .place = {0.5 * (double)(from[0] + block.to[0]), 0.5 * (double)(from[1] + block.to[1])},
-        .height_m = 0.5 * (block.low_m + block.high_m)};
+                  0.5 * (double)(east - from[0]) * m->step[0] * block.parallel;
+    struct corner middle = {.place = {0.5 * (double)(from[0] + east), 0.5 * (double)(from[1] + block.to[1])},
+                            .height_m = 0.5 * (block.low_m + block.high_m)};
     set_relative(m, &middle);
     memcpy(block.middle, middle.relative, sizeof block.middle);
     block.reach_m = block.reach * (m->info->radius_m + block.high_m) + 0.5 * (block.high_m - block.low_m);
@@ -318,14 +332,80 @@ static bool is_seen(const struct making *m, const struct block *block, const str
 static bool is_whole(const struct making *m, const struct block *block)
 {
     double r = m->info->radius_m + block->high_m, rise_m = block->high_m - block->low_m;
-    double east = m->step[0] * block->parallel, north = m->step[1];
-    double along_east = r * m->step[0] * east + 2 * rise_m * east,
+    double turn = m->step[0] * (double)block->wide, east = turn * block->parallel, north = m->step[1];
+    double along_east = r * turn * east + 2 * rise_m * east,
            along_north = r * north * north + 2 * rise_m * north;
-    double both = rise_m * (north + east) + r * m->step[0] * north;
+    double both = rise_m * (north + east) + r * turn * north;
     if (block->from[1] == 0 || block->to[1] == m->size[1]) both += rise_m; // fans
     double cell_m = 1.5 * (r * hypot(east, north) + rise_m);
     double most = 1.01 / 8 * (along_east + 2 * both + along_north);
     return most < sag_allowed(m, length_of(block->middle) - block->reach_m - cell_m);
+}
+
+// Triangles between two rows, whose south or north side is a point.
+static void add_part(struct making *m, bool whole, const struct corner *sw, const struct corner *se,
+                     const struct corner *ne, const struct corner *nw)
+{
+    if (whole)
+        add_triangle(m, sw, sw == se ? ne : se, sw == se ? nw : ne);
+    else
+        add_piece(m, sw, se, ne, nw);
+}
+
+static struct corner middle_of(const struct making *m, const struct corner *row)
+{
+    struct corner middle = {.place = {0.5 * (row[0].place[0] + row[1].place[0]), row->place[1]},
+                            .height_m = 0.5 * (row[0].height_m + row[1].height_m)};
+    set_relative(m, &middle);
+    return middle;
+}
+
+// From the west and east corners of its two sides; `halved`: beyond the side, cells are half as wide.
+static void add_cell(struct making *m, bool whole, const bool halved[2], const struct corner south[2],
+                     const struct corner north[2])
+{
+    bool south_pole = is_pole(m, south), north_pole = is_pole(m, north);
+    m->fan = south_pole ? north : north_pole ? south : NULL;
+    m->pole_m = (south_pole ? south : north)->height_m;
+    const struct corner *sw = south, *se = south + 1, *nw = north, *ne = north_pole ? north : north + 1;
+    if (!south_pole && halved[0]) {
+        struct corner middle = middle_of(m, south);
+        add_part(m, whole, sw, &middle, ne, ne);
+        add_part(m, whole, &middle, se, ne, ne);
+    } else if (!south_pole)
+        add_part(m, whole, sw, se, ne, ne);
+    if (!north_pole && halved[1]) {
+        struct corner middle = middle_of(m, north);
+        add_part(m, whole, sw, sw, ne, &middle);
+        add_part(m, whole, sw, sw, &middle, nw);
+    } else if (!north_pole)
+        add_part(m, whole, sw, sw, ne, nw);
+}
+
+// Those cells of row j that begin in a block where cells may be wider than a column.
+static void add_wide_row(struct making *m, const struct block *block, int64_t j, bool whole)
+{
+    int32_t around[2 * (BLOCK + DETAIL_CELL)];
+    int64_t y = j - m->size[1] / 2, beside = y >= 0 ? y - 1 : y + 1;
+    int level = m->info->finest, e = detail_cell_exponent(m->detail, level, y);
+    bool wider[2], halved[2] = {false, false};
+    halved[y < 0] = detail_cell_exponent(m->detail, level, beside) < e;
+    for (int k = 0; k < 2; k++) wider[k] = detail_exponent(m->detail, level, y + k) > e;
+    int64_t scale = (int64_t)1 << e, first = (block->from[0] + scale - 1) >> e;
+    int count = (int)(((block->to[0] + scale - 1) >> e) - first), width = count + DETAIL_CELL - 1;
+    if (count > 0) detail_posts(m->detail, level, e, first - 1, y, width, 2, around);
+    for (int i = 0; i < count; i++) {
+        struct corner c[2][2];
+        double z[2][2];
+        detail_corners(first + i, wider, around + i, width, z);
+        for (int k = 0; k < 4; k++) {
+            struct corner *corner = &c[k / 2][k % 2];
+            *corner = (struct corner){.place = {(double)((first + i + k % 2) * scale), (double)(j + k / 2)},
+                                      .height_m = m->info->offset_m + m->info->quantum_m * z[k / 2][k % 2]};
+            set_relative(m, corner);
+        }
+        add_cell(m, whole, halved, c[0], c[1]);
+    }
 }
 
 static void add_block(struct making *m, const struct terrain *terrain, int level, const struct block *block,
@@ -333,6 +413,9 @@ static void add_block(struct making *m, const struct terrain *terrain, int level
 {
     int width = (int)(block->to[0] - block->from[0]) + 1, height = (int)(block->to[1] - block->from[1]) + 1;
     int32_t samples[CORNERS * CORNERS];
+    for (int64_t j = block->from[1]; block->wide > 1 && j < block->to[1]; j++)
+        add_wide_row(m, block, j, whole);
+    if (block->wide > 1) return;
     terrain_window(terrain, level, block->from[0] + m->first, block->from[1] - m->size[1] / 2, width, height,
                    samples, TERRAIN_WAIT);
     for (int k = 0; k < width * height; k++) {
@@ -343,18 +426,9 @@ static void add_block(struct making *m, const struct terrain *terrain, int level
     }
     for (int j = 0; j < height - 1; j++)
         for (int i = 0; i < width - 1; i++) {
-            const struct corner *sw = corners + j * width + i, *nw = sw + width;
-            bool south_pole = is_pole(m, sw), north_pole = is_pole(m, nw);
-            m->fan = south_pole ? nw : north_pole ? sw : NULL;
-            m->pole_m = (south_pole ? sw : nw)->height_m;
-            const struct corner *ne = north_pole ? nw : nw + 1;
-            if (whole) {
-                if (!south_pole) add_triangle(m, sw, sw + 1, ne);
-                if (!north_pole) add_triangle(m, sw, ne, nw);
-            } else {
-                if (!south_pole) add_piece(m, sw, sw + 1, ne, ne);
-                if (!north_pole) add_piece(m, sw, sw, ne, nw);
-            }
+            static const bool HALVED[2] = {false, false};
+            const struct corner *south = corners + j * width + i;
+            add_cell(m, whole, HALVED, south, south + width);
         }
 }
 
@@ -386,6 +460,7 @@ static struct making begin(struct facets *facets, const struct terrain *terrain,
     double slant = sqrt(1 + view->tan_half[0] * view->tan_half[0] + view->tan_half[1] * view->tan_half[1]);
     struct making m = {.facets = facets,
                        .info = info,
+                       .detail = info->finest < 0 ? terrain_detail(terrain) : NULL,
                        .view = view,
                        .first = level.extent.x0,
                        // A triangle's inside is off by at most 4/3 of its edges' sag.

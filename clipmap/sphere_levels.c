@@ -272,7 +272,7 @@ static float mean_of(const int32_t *columns, int count)
     return (float)(sum / count);
 }
 
-// Stored levels are filtered; synthesised ones, whose noise tapers where columns are taken together, are not.
+// Stored levels are filtered; synthesised ones, which are linear over columns as far apart as rows, are not.
 static bool is_filtered(const struct sphere_shape *shape, int level, int count)
 {
     return level >= 0 && count + 1 <= shape->size * shape->size;

@@ -12,16 +12,17 @@
 
 // A tile holds the cells 0..TILE-1 of one level and the samples about them that they, and the finer tiles
 // under them, are made of.
-enum { TILE = 8, BEFORE = 3, SIDE = TILE + 7, TILES = 4096, HEIGHTS = 40, REACH = 2 };
+enum { TILE = 8, BEFORE = 3, SIDE = TILE + 7, TILES = 4096, HEIGHTS = 40, REACH = 2, EXPONENTS = 40 };
 
-// Towards the poles columns crowd, and a ray crosses many in a row: there, tiles have rows of finer levels
-// than their columns, U of the samples along y alone, in parts of a quantum.
-enum { PARTS = 16, CROWDED = 4 }; // CROWDED: cells so much taller than wide
+// Of the rows about a cell, those nearest to the equator may have posts so much closer than its own.
+enum { MOST_FINER = 4 };
 
 // Of a terrain that is read on demand: the cells of a node of height PAGE_HEIGHT, bounded as in memory. Nodes
 // from there up are bounded by what the file tells of its tiles.
 enum { PAGE_HEIGHT = 6, PAGE = 1 << PAGE_HEIGHT, PAGE_SIDE = PAGE + 1 + 2 * REACH, PAGES = 256 };
 enum { PAGE_NODES = (4 * PAGE * PAGE - 1) / 3 }; // of all heights
+
+static const double NORMS[2] = {DETAIL_NORM, DETAIL_NORM_MIXED};
 
 struct truth_sphere {
     const struct terrain *terrain;
@@ -32,20 +33,25 @@ struct truth_sphere {
     int64_t first, columns; // of level 0
     int64_t pole;
     int finest, heights;
-    // Highest height of the finest surface over 2^k x 2^k cells of level 0, quanta; NULL: in pages.
+    // Rows of the finest level from the equator on, from which posts are 2^e columns apart; how far apart
+    // they may be in level 0 (detail.h).
+    int64_t apart[EXPONENTS];
+    int most_apart;
+    uint8_t *wide[HEIGHTS]; // exponents of nodes by their rows
+    // Highest height of the finest surface over nodes of 2^k rows of level 0, quanta; NULL: in pages.
     float *high[HEIGHTS];
     int64_t width[HEIGHTS], height[HEIGHTS];
-    double crowded;      // rows from the equator on beyond which columns crowd
-    double low, highest; // of all, as the finest level tells
+    double leeway_q[2][DETAIL_MAX_FINER + 1]; // [mixed][-level]: what noise and roundings may add to U
+    double low, highest;                      // of all, as the finest level tells
     struct idle *idle;
 };
 
 struct tile {
     int64_t x, y;
-    int level, rows;             // columns of this level, 1: empty; rows of that one, as fine or finer
-    int32_t samples[SIDE][SIDE]; // where rows are finer, in parts of a quantum
-    unsigned bounded;            // a bit for each row of cells
-    float high[TILE][TILE];      // of the finest surface over a cell, where it is bounded
+    int level, exponent; // 1: empty; samples are 2^exponent columns apart
+    int32_t samples[SIDE][SIDE];
+    unsigned bounded;       // a bit for each row of cells
+    float high[TILE][TILE]; // of the finest surface over a cell, where it is bounded
 };
 
 struct page { // of level 0
@@ -68,30 +74,84 @@ struct idle { // tiles that no thread holds
 
 // ---- bounds ----------------------------------------------------------------
 
-// Noise tapers towards the poles (detail.c); of row j and its neighbours the one nearest to the equator
-// counts.
-static double taper_about(const struct truth_sphere *s, int level, int64_t j)
+// That of the posts of a row of level k, from the equator on.
+static int exponent_of(const struct truth_sphere *s, int k, int64_t row)
 {
-    double pole = (double)s->pole * ldexp(1, -level), t = fmax(fabs((double)j + 0.5) - REACH - 1, 0) / pole;
-    return fmax(1 - t * t, 0);
+    int64_t pole = s->pole << -k, from_equator = llabs(row) <= pole ? llabs(row) : 2 * pole - llabs(row);
+    int64_t finest = from_equator << (k - s->finest);
+    int exponent = 0, most = s->most_apart - k;
+    while (exponent < most && finest >= s->apart[exponent + 1]) exponent++;
+    return exponent;
 }
 
-// What noise and roundings may add to U of a level, over cells in row j.  A step rounds by half a quantum,
-// and noise that is not all rounded away once more; finer levels of U take each that much further.
-static double leeway(const struct truth_sphere *s, int level, int64_t j)
+// Of rows j and j + 1.
+static int64_t equatorward(int64_t j)
 {
-    double taper = taper_about(s, level, j), sum = 0;
-    for (int l = level - 1; l >= s->finest; l--) {
-        double noise = DETAIL_DEVIATE * s->detail->sigma_q[-l] * taper;
-        sum += DETAIL_NORM * (noise < 0.5 ? 0.5 : noise + 1);
+    return j >= 0 ? j : j + 1;
+}
+
+// Nodes of height k in row j are 2^(k + e) columns wide: of levels, as their cells are (detail.h), and over
+// level 0 as much wider than high where columns crowd, but not wider than what they are part of.
+static int exponent_at(const struct truth_sphere *s, int k, int64_t j)
+{
+    if (k >= 0) return s->wide[k][j];
+    return exponent_of(s, k, equatorward(j - (s->pole << -k)));
+}
+
+static bool find_widths(struct truth_sphere *s)
+{
+    for (int k = s->heights - 1; k >= 0; k--) {
+        if (!(s->wide[k] = calloc((size_t)s->height[k], 1))) return false;
+        for (int64_t j = 0; j < s->height[k] && s->finest < 0 && k < s->heights - 1; j++) {
+            int64_t south = (j << k) - s->pole, north = south + ((int64_t)1 << k);
+            int64_t row = south > 0 ? south : north < 0 ? -north : 0;
+            int exponent = detail_exponent(s->detail, 0, row), most = s->wide[k + 1][j / 2] + 1;
+            s->wide[k][j] = (uint8_t)(exponent < most ? exponent : most);
+        }
     }
-    return sum;
+    return true;
 }
 
-// Of the finest surface over a cell whose samples about it are low..high.
-static float bound_of(double low, double high, double leeway_q)
+static void find_exponents(struct truth_sphere *s)
 {
-    double bound = high + (high - low) * DETAIL_OVERSHOOT + leeway_q;
+    int64_t pole = s->pole << -s->finest;
+    for (int e = 0; e < EXPONENTS; e++) s->apart[e] = pole + 1;
+    for (int e = 1; s->finest < 0 && e <= detail_exponent(s->detail, s->finest, pole); e++) {
+        int64_t low = 0, high = pole; // it is less than e in the one, and not in the other
+        while (high - low > 1) {
+            int64_t middle = low + (high - low) / 2;
+            *(detail_exponent(s->detail, s->finest, middle) < e ? &low : &high) = middle;
+        }
+        s->apart[e] = high;
+    }
+    s->most_apart = s->finest < 0 ? detail_exponent(s->detail, 0, s->pole) : 0;
+}
+
+// Nodes of height k in row j.
+static int64_t nodes_in(const struct truth_sphere *s, int k, int64_t j)
+{
+    int wide = exponent_at(s, k, j) + k;
+    if (wide < 0) return s->columns << -wide;
+    return (s->columns + ((int64_t)1 << wide) - 1) >> wide;
+}
+
+// A step rounds by half a quantum, and noise that is not all rounded away once more, and as much where there
+// are samples between posts; finer levels of U take each that much further.
+static void find_leeways(struct truth_sphere *s)
+{
+    for (int mixed = 0; mixed < 2; mixed++)
+        for (int l = s->finest; l < 0; l++) {
+            double noise = DETAIL_DEVIATE * s->detail->sigma_q[-l], rounding = mixed ? 1 : 0.5;
+            if (noise >= 0.5) rounding += noise + 0.5;
+            s->leeway_q[mixed][-l - 1] = s->leeway_q[mixed][-l] + NORMS[mixed] * rounding;
+        }
+}
+
+// Of the finest surface over a cell of a level whose samples about it are low..high; `mixed`: their rows'
+// posts are not all as far apart.
+static float bound_of(const struct truth_sphere *s, int level, bool mixed, double low, double high)
+{
+    double bound = high + (high - low) * DETAIL_OVERSHOOT(NORMS[mixed]) + s->leeway_q[mixed][-level];
     return (float)(bound + fabs(bound) * 0x1p-23); // not rounded below it
 }
 
@@ -102,7 +162,7 @@ static int reach_of(const struct truth_sphere *s)
 }
 
 // Over a cell of level 0; `around`: the first of the samples about it, rows of `stride`.
-static float bound_cell(const struct truth_sphere *s, const int32_t *around, int stride, double leeway_q)
+static float bound_cell(const struct truth_sphere *s, const int32_t *around, int stride)
 {
     int32_t low = INT32_MAX, high = INT32_MIN;
     int rows = 2 * reach_of(s) + 2;
@@ -112,37 +172,71 @@ static float bound_cell(const struct truth_sphere *s, const int32_t *around, int
             low = q < low ? q : low;
             high = q > high ? q : high;
         }
-    return s->finest == 0 ? (float)high : bound_of(low, high, leeway_q);
+    return s->finest == 0 ? (float)high : bound_of(s, 0, false, low, high);
+}
+
+// The smallest exponent of the rows that the surface over cells of row j is made of; whether others differ.
+static int least_about(const struct truth_sphere *s, int level, int64_t j, bool *mixed)
+{
+    int south = exponent_of(s, level, j - REACH), north = exponent_of(s, level, j + 1 + REACH);
+    bool over_pole = llabs(j) + 2 * REACH >= s->pole << -level;
+    *mixed = south != north || over_pole;
+    return south < north ? south : north;
+}
+
+// Over cells first.. of row j of a synthesised level or of level 0, as wide as posts there are apart,
+// whatever the rows about it.  `room` holds all posts about them.
+static void bound_any_row(const struct truth_sphere *s, int level, int64_t first, int64_t j, int count,
+                          int32_t *room, float *high)
+{
+    bool mixed;
+    int least = least_about(s, level, j, &mixed), finer = exponent_of(s, level, equatorward(j)) - least;
+    int width = ((count + 2 * REACH + 1) << finer) + 1, rows = 2 * REACH + 2;
+    detail_posts(s->detail, level, least, (first - REACH) * ((int64_t)1 << finer), j - REACH, width, rows,
+                 room);
+    for (int i = 0; i < count; i++) {
+        int32_t least_q = INT32_MAX, most_q = INT32_MIN;
+        for (int y = 0; y < rows; y++)
+            for (int x = i << finer; x <= (i + 2 * REACH + 1) << finer; x++) {
+                int32_t q = room[y * width + x];
+                least_q = q < least_q ? q : least_q;
+                most_q = q > most_q ? q : most_q;
+            }
+        high[i] = bound_of(s, level, mixed, least_q, most_q);
+    }
 }
 
 // Over the cells of one row of level 0.
-static void bound_row(struct truth_sphere *s, int64_t j)
+static bool bound_row(struct truth_sphere *s, int64_t j)
 {
-    struct sphere_grid grid = {s->first, s->columns, s->pole};
-    int reach = reach_of(s), rows = 2 * reach + 2;
-    double leeway_q = leeway(s, 0, j - s->pole);
-    for (int64_t i = 0; i < s->columns; i++) {
-        int32_t around[(2 * REACH + 2) * (2 * REACH + 2)];
-        sphere_window(&grid, s->samples, s->first + i - reach, j - s->pole - reach, rows, rows, around);
-        s->high[0][j * s->columns + i] = bound_cell(s, around, rows, leeway_q);
+    int count = (int)nodes_in(s, 0, j), width = count + 1;
+    size_t room = (2 * REACH + 2) * (((size_t)count + 2 * REACH + 1) * MOST_FINER + 1);
+    int32_t *samples = malloc(room * sizeof *samples);
+    float *high = s->high[0] + j * s->columns;
+    if (samples && s->finest < 0) bound_any_row(s, 0, 0, j - s->pole, count, samples, high);
+    if (samples && s->finest == 0) {
+        terrain_window(s->terrain, 0, s->first, j - s->pole, width, 2, samples, TERRAIN_WAIT);
+        for (int i = 0; i < count; i++) high[i] = bound_cell(s, samples + i, width);
     }
+    free(samples);
+    return samples != NULL;
 }
 
 // Over the nodes that are pages, unread.
 static void bound_pages(struct truth_sphere *s)
 {
-    int reach = reach_of(s);
-    for (int64_t y = 0; y < s->height[PAGE_HEIGHT]; y++) {
-        int64_t j = y * PAGE - s->pole, last = j + PAGE - 1;
-        int64_t near_equator = j > 0 ? j : last < 0 ? last : 0; // where there is most noise
-        double leeway_q = leeway(s, 0, near_equator);
-        for (int64_t x = 0; x < s->width[PAGE_HEIGHT]; x++) {
-            int64_t i = s->first + x * PAGE;
+    int reach = reach_of(s), k = PAGE_HEIGHT;
+    for (int64_t y = 0; y < s->height[k]; y++) {
+        int64_t j = y * PAGE - s->pole, last = j + PAGE - 1, wide = (int64_t)PAGE << exponent_at(s, k, y);
+        int64_t aside = reach;
+        if (s->finest < 0) aside += detail_aside(s->detail, j - reach, last + 1 + reach);
+        for (int64_t x = 0; x < nodes_in(s, k, y); x++) {
+            int64_t i = s->first + x * wide;
             int32_t low, high;
-            terrain_bounds(s->terrain, 0, i - reach, j - reach, i + PAGE + reach, last + 1 + reach, &low,
+            terrain_bounds(s->terrain, 0, i - aside, j - reach, i + wide + aside, last + 1 + reach, &low,
                            &high);
-            s->high[PAGE_HEIGHT][y * s->width[PAGE_HEIGHT] + x] =
-                s->finest == 0 ? (float)high : bound_of(low, high, leeway_q);
+            s->high[k][y * s->width[k] + x] =
+                s->finest == 0 ? (float)high : bound_of(s, 0, aside > reach, low, high);
         }
     }
 }
@@ -150,11 +244,14 @@ static void bound_pages(struct truth_sphere *s)
 static void bound_parents(const struct truth_sphere *s, int k)
 {
     for (int64_t j = 0; j < s->height[k]; j++)
-        for (int64_t i = 0; i < s->width[k]; i++) {
+        for (int64_t i = 0; i < nodes_in(s, k, j); i++) {
             float high = -HUGE_VALF;
-            for (int64_t y = 2 * j; y < 2 * j + 2 && y < s->height[k - 1]; y++)
-                for (int64_t x = 2 * i; x < 2 * i + 2 && x < s->width[k - 1]; x++)
+            for (int64_t y = 2 * j; y < 2 * j + 2 && y < s->height[k - 1]; y++) {
+                int halves = exponent_at(s, k - 1, y) == exponent_at(s, k, j); // else as wide
+                int64_t count = nodes_in(s, k - 1, y);
+                for (int64_t x = i << halves; x < (i + 1) << halves && x < count; x++)
                     high = fmaxf(high, s->high[k - 1][y * s->width[k - 1] + x]);
+            }
             s->high[k][j * s->width[k] + i] = high;
         }
 }
@@ -166,16 +263,18 @@ static bool build_bounds(struct truth_sphere *s)
         s->width[k] = (size[0] + ((int64_t)1 << k) - 1) >> k;
         s->height[k] = (size[1] + ((int64_t)1 << k) - 1) >> k;
         s->heights = k + 1;
-        bool in_pages = !s->samples && k < PAGE_HEIGHT;
-        if (!in_pages) s->high[k] = malloc((size_t)(s->width[k] * s->height[k]) * sizeof *s->high[k]);
-        if (!in_pages && !s->high[k]) return false;
+        if (s->width[k] == 1 && s->height[k] == 1) break;
+    }
+    if (!find_widths(s)) return false;
+    for (int k = s->samples ? 0 : PAGE_HEIGHT; k < s->heights; k++) {
+        s->high[k] = malloc((size_t)(s->width[k] * s->height[k]) * sizeof *s->high[k]);
+        if (!s->high[k]) return false;
         if (k > 0 && s->high[k - 1])
             bound_parents(s, k);
-        else if (s->samples)
-            for (int64_t j = 0; j < size[1]; j++) bound_row(s, j);
-        else if (!in_pages)
+        else if (k > 0)
             bound_pages(s);
-        if (s->width[k] == 1 && s->height[k] == 1) break;
+        for (int64_t j = 0; k == 0 && j < size[1]; j++)
+            if (!bound_row(s, j)) return false;
     }
     return true;
 }
@@ -197,13 +296,15 @@ struct truth_sphere *truth_sphere_create(const struct terrain *terrain)
         s->columns = s->detail->grid.columns;
         s->pole = s->detail->grid.pole;
         s->finest = info->finest;
-        s->crowded = acos(fmin(s->spacing_rad[1] / s->spacing_rad[0] / CROWDED, 1)) / s->spacing_rad[1];
+        find_exponents(s);
+        find_leeways(s);
         // Rays are cut at these: they are those of the map as a whole, which read on demand is what it is in
         // memory, so that hits are the same, bit for bit.
         struct terrain_level stored = terrain_level(terrain, 0);
-        double range_q = (double)stored.max_q - stored.min_q;
-        double over_q =
-            s->finest < 0 ? range_q * DETAIL_OVERSHOOT + detail_noise_limit(s->detail, -s->finest) : 0;
+        double range_q = (double)stored.max_q - stored.min_q, over_q = 0;
+        if (s->finest < 0)
+            over_q = range_q * DETAIL_OVERSHOOT(DETAIL_NORM_MIXED) +
+                     detail_noise_limit(s->detail, -s->finest, DETAIL_NORM_MIXED);
         s->low = stored.min_q - over_q;
         s->highest = stored.max_q + over_q;
     }
@@ -224,7 +325,7 @@ void truth_sphere_destroy(struct truth_sphere *s)
     }
     if (s->idle) pthread_mutex_destroy(&s->idle->lock);
     free(s->idle);
-    for (int k = 0; k < HEIGHTS; k++) free(s->high[k]);
+    for (int k = 0; k < HEIGHTS; k++) free(s->high[k]), free(s->wide[k]);
     free(s);
 }
 
@@ -253,10 +354,10 @@ void truth_tiles_give(const struct truth_sphere *s, struct truth_tiles *tiles)
     pthread_mutex_unlock(&s->idle->lock);
 }
 
-static size_t slot_of(int level, int rows, int64_t x, int64_t y)
+static size_t slot_of(int level, int exponent, int64_t x, int64_t y)
 {
     uint64_t key = (uint64_t)x * 0x9e3779b97f4a7c15u ^ (uint64_t)y * 0xc2b2ae3d27d4eb4fu ^
-                   (uint64_t)(-level) << 57 ^ (uint64_t)(level - rows) << 51;
+                   (uint64_t)(-level) << 57 ^ (uint64_t)exponent << 51;
     return (size_t)((key * 0xd6e8feb86659fd93u) >> 52) % TILES;
 }
 
@@ -264,8 +365,16 @@ static size_t slot_of(int level, int rows, int64_t x, int64_t y)
 static void bound_tile_row(const struct truth_sphere *s, struct tile *tile, int j)
 {
     bool finest = tile->level == s->finest;
-    int reach = finest ? 0 : REACH, finer = tile->level - tile->rows;
-    double scale = finer ? 1.0 / PARTS : 1, leeway_q = 0;
+    int reach = finest ? 0 : REACH;
+    int64_t row = tile->y * TILE + j;
+    bool mixed = false;
+    if (!finest) least_about(s, tile->level, row, &mixed);
+    if (mixed) {
+        int32_t room[(2 * REACH + 2) * ((TILE + 2 * REACH + 1) * MOST_FINER + 1)];
+        bound_any_row(s, tile->level, tile->x * TILE, row, TILE, room, tile->high[j]);
+        tile->bounded |= 1u << j;
+        return;
+    }
     int32_t low[SIDE], high[SIDE]; // along y
     for (int i = 0; i < SIDE; i++) low[i] = INT32_MAX, high[i] = INT32_MIN;
     for (int y = BEFORE + j - reach; y < BEFORE + j + 2 + reach; y++)
@@ -274,75 +383,66 @@ static void bound_tile_row(const struct truth_sphere *s, struct tile *tile, int 
             low[i] = q < low[i] ? q : low[i];
             high[i] = q > high[i] ? q : high[i];
         }
-    if (!finest) // of the columns' level, and rounding to parts
-        leeway_q = leeway(s, tile->level, (tile->y * TILE + j) >> finer) + finer * DETAIL_NORM / 2 / PARTS;
     for (int i = 0; i < TILE; i++) {
         int32_t least = INT32_MAX, most = INT32_MIN;
         for (int x = BEFORE + i - reach; x < BEFORE + i + 2 + reach; x++) {
             least = low[x] < least ? low[x] : least;
             most = high[x] > most ? high[x] : most;
         }
-        tile->high[j][i] = finest ? (float)most : bound_of(least * scale, most * scale, leeway_q);
+        tile->high[j][i] = finest ? (float)most : bound_of(s, tile->level, false, least, most);
     }
     tile->bounded |= 1u << j;
 }
 
-// Rows of a finer level between those of the tile above: every other one is one of them.
-static void refine_rows(const struct tile *above, struct tile *tile)
-{
-    int32_t scale = above->rows == above->level ? PARTS : 1;
-    for (int j = 0; j < SIDE; j++) {
-        int64_t row = tile->y * TILE - BEFORE + j;
-        const int32_t *z = above->samples[(row >> 1) - above->y * TILE + BEFORE];
-        for (int i = 0; i < SIDE; i++, z++)
-            tile->samples[j][i] =
-                row & 1 ? (scale * (9 * (z[0] + z[SIDE]) - z[-SIDE] - z[2 * SIDE]) + 8) >> 4 : scale * z[0];
-    }
-}
-
-static struct tile *tile_at(const struct truth_sphere *s, struct truth_tiles *tiles, int level, int rows,
+static struct tile *tile_at(const struct truth_sphere *s, struct truth_tiles *tiles, int level, int exponent,
                             int64_t x, int64_t y);
+
+// Whether all rows of a tile, and so those that they are made of, have posts so far apart.
+static bool is_uniform(const struct truth_sphere *s, const struct tile *tile)
+{
+    int64_t south = tile->y * TILE - BEFORE, north = south + SIDE - 1;
+    int level = tile->level, e = tile->exponent;
+    return level < 0 && e <= s->most_apart - level - 1 && detail_exponent(s->detail, level, south) == e &&
+           detail_exponent(s->detail, level, north) == e;
+}
 
 static void make_samples(const struct truth_sphere *s, struct truth_tiles *tiles, struct tile *tile)
 {
     enum { COARSE = 11 };
     int64_t x = tile->x, y = tile->y;
-    if (tile->level == 0) {
-        terrain_window(s->terrain, 0, x * TILE - BEFORE, y * TILE - BEFORE, SIDE, SIDE, &tile->samples[0][0],
-                       TERRAIN_WAIT);
+    if (!is_uniform(s, tile)) {
+        detail_posts(s->detail, tile->level, tile->exponent, x * TILE - BEFORE, y * TILE - BEFORE, SIDE, SIDE,
+                     &tile->samples[0][0]);
         return;
     }
-    const struct tile *above = tile_at(s, tiles, tile->level + 1, tile->level + 1, x >> 1, y >> 1);
+    const struct tile *above = tile_at(s, tiles, tile->level + 1, tile->exponent, x >> 1, y >> 1);
     int32_t coarse[COARSE * COARSE];
     int64_t i = (x & 1) * (TILE / 2), j = (y & 1) * (TILE / 2);
     for (int row = 0; row < COARSE; row++)
         memcpy(coarse + row * COARSE, &above->samples[j + row][i], COARSE * sizeof *coarse);
-    detail_refine(s->detail, tile->level, coarse, x * TILE - BEFORE, y * TILE - BEFORE, SIDE, SIDE,
-                  &tile->samples[0][0]);
+    detail_refine(s->detail, tile->level, tile->exponent, coarse, x * TILE - BEFORE, y * TILE - BEFORE, SIDE,
+                  SIDE, &tile->samples[0][0]);
 }
 
-// The tile (x, y), in tiles, with columns of a level and rows of one as fine or finer; another call may make
-// it another one.
-static struct tile *tile_at(const struct truth_sphere *s, struct truth_tiles *tiles, int level, int rows,
+// The tile (x, y) of a level, in tiles from the first column and the equator on; another call may make it
+// another one.
+static struct tile *tile_at(const struct truth_sphere *s, struct truth_tiles *tiles, int level, int exponent,
                             int64_t x, int64_t y)
 {
-    struct tile *slot = &tiles->all[slot_of(level, rows, x, y)];
-    if (slot->level == level && slot->rows == rows && slot->x == x && slot->y == y) return slot;
+    struct tile *slot = &tiles->all[slot_of(level, exponent, x, y)];
+    if (slot->level == level && slot->exponent == exponent && slot->x == x && slot->y == y) return slot;
     struct tile tile; // one that it is made of may have the same slot
-    tile.x = x, tile.y = y, tile.level = level, tile.rows = rows, tile.bounded = 0;
-    if (rows < level)
-        refine_rows(tile_at(s, tiles, level, rows + 1, x, y >> 1), &tile);
-    else
-        make_samples(s, tiles, &tile);
+    tile.x = x, tile.y = y, tile.level = level, tile.exponent = exponent, tile.bounded = 0;
+    make_samples(s, tiles, &tile);
     *slot = tile;
     return slot;
 }
 
-// At least the highest height of the finest surface over cell (x, y) of such columns and rows.
-static double highest_over(const struct truth_sphere *s, struct truth_tiles *tiles, int level, int rows,
+// At least the highest height of the finest surface over cell (x, y) of a level.
+static double highest_over(const struct truth_sphere *s, struct truth_tiles *tiles, int level, int exponent,
                            int64_t x, int64_t y)
 {
-    struct tile *tile = tile_at(s, tiles, level, rows, x >> 3, y >> 3);
+    struct tile *tile = tile_at(s, tiles, level, exponent, x >> 3, y >> 3);
     if (!(tile->bounded >> (y & 7) & 1)) bound_tile_row(s, tile, (int)(y & 7));
     return (double)tile->high[y & 7][x & 7];
 }
@@ -361,10 +461,13 @@ static void bound_page(const struct truth_sphere *s, struct page *page)
 {
     int before = REACH - reach_of(s);
     for (int j = 0; j < PAGE; j++) {
-        double leeway_q = leeway(s, 0, page->y * PAGE + j - s->pole);
+        // Posts of rows about it may be farther apart.
+        int64_t row = page->y * PAGE + j;
+        bool mixed = s->finest < 0 && (detail_exponent(s->detail, 0, row - s->pole - REACH) > 0 ||
+                                       detail_exponent(s->detail, 0, row - s->pole + 1 + REACH) > 0);
         for (int i = 0; i < PAGE; i++)
             page->high[j * PAGE + i] =
-                bound_cell(s, &page->samples[j + before][i + before], PAGE_SIDE, leeway_q);
+                mixed ? HUGE_VALF : bound_cell(s, &page->samples[j + before][i + before], PAGE_SIDE);
     }
     for (int k = 1; k <= PAGE_HEIGHT; k++) {
         const float *below = page_nodes(page, k - 1);
@@ -494,9 +597,9 @@ static struct at crossing(const struct ray *ray, int axis, double line, const st
 // ---- one cell of the finest level ------------------------------------------
 
 struct cell {
-    double west, south, size; // in cells of level 0
-    double corner[2][2];      // quanta, [north][east]
-    double axis_m;            // at most its distance from the planet's axis; 0: it ends at a pole
+    double west, south, size[2]; // in cells of level 0
+    double corner[2][2];         // quanta, [north][east]
+    double axis_m;               // at most its distance from the planet's axis; 0: it ends at a pole
 };
 
 // What a cell is made of: two triangles, or at a pole one fan (terrain.h).
@@ -504,8 +607,8 @@ enum { NORTH_WEST, SOUTH_EAST, FAN, DIAGONAL };
 
 static void fractions(const struct cell *cell, const struct at *at, double uv[2])
 {
-    uv[0] = clamp((at->place[0] - cell->west) / cell->size, 0, 1);
-    uv[1] = clamp((at->place[1] - cell->south) / cell->size, 0, 1);
+    uv[0] = clamp((at->place[0] - cell->west) / cell->size[0], 0, 1);
+    uv[1] = clamp((at->place[1] - cell->south) / cell->size[1], 0, 1);
 }
 
 // How the height of a part changes over the cell's width and height, quanta; of a fan, at a place in it.
@@ -534,10 +637,11 @@ static void set_hit(const struct ray *ray, const struct cell *cell, int part, co
                     struct truth_sphere_hit *hit)
 {
     const struct truth_sphere *s = ray->s;
-    double scale = s->quantum_m / cell->size, place[3], axes[3][3], uv[2], rise[2];
+    double place[3], axes[3][3], uv[2], rise[2], slope[2];
     fractions(cell, at, uv);
     rises(cell, part, uv, rise);
-    double slope[2] = {rise[0] * scale / s->spacing_rad[0], rise[1] * scale / s->spacing_rad[1]};
+    for (int axis = 0; axis < 2; axis++)
+        slope[axis] = rise[axis] * (s->quantum_m / cell->size[axis]) / s->spacing_rad[axis];
     place[0] = (at->place[0] + (double)s->first) * s->spacing_rad[0];
     place[1] = (at->place[1] - (double)s->pole) * s->spacing_rad[1];
     sphere_axes(1, place, axes);
@@ -558,7 +662,8 @@ struct narrowing {
 static double value_at(const struct narrowing *n, const struct at *at)
 {
     if (n->what != DIAGONAL) return clearance(n->cell, n->what, at);
-    return (at->place[0] - n->cell->west) - (at->place[1] - n->cell->south);
+    const struct cell *c = n->cell;
+    return (at->place[0] - c->west) * (c->size[1] / c->size[0]) - (at->place[1] - c->south);
 }
 
 static struct at narrow(const struct narrowing *n, struct at a, struct at b, double fa, double fb)
@@ -610,8 +715,8 @@ static double clearance_bend(const struct truth_sphere *s, const struct cell *ce
     double rise[2];
     if (part == FAN) return HUGE_VAL;
     rises(cell, part, NULL, rise);
-    double east = fabs(rise[0]) / (cell->size * s->spacing_rad[0]),
-           north = fabs(rise[1]) / (cell->size * s->spacing_rad[1]);
+    double east = fabs(rise[0]) / (cell->size[0] * s->spacing_rad[0]),
+           north = fabs(rise[1]) / (cell->size[1] * s->spacing_rad[1]);
     return 1 / (s->radius_m * s->quantum_m) + north * latitude_bend(s, cell) + east * longitude_bend(cell);
 }
 
@@ -647,7 +752,8 @@ static bool strays(const struct narrowing *n, const struct at *a, const struct a
 {
     static const double SECTION = 0.38196601125010515; // golden
     const struct truth_sphere *s = n->ray->s;
-    double bend = longitude_bend(n->cell) / s->spacing_rad[0] + latitude_bend(s, n->cell) / s->spacing_rad[1];
+    double bend = longitude_bend(n->cell) / s->spacing_rad[0] * (n->cell->size[1] / n->cell->size[0]) +
+                  latitude_bend(s, n->cell) / s->spacing_rad[1];
     if (fmin(fabs(fa), fabs(fb)) > dip(n->ray, a, b, bend)) return false;
     double sign = fa + fb < 0 ? -1 : 1, from = a->t, to = b->t, least[2];
     struct at inner[2] = {at_time(n->ray, from + SECTION * (to - from), a->place[0]),
@@ -678,7 +784,8 @@ static bool cell_hit(const struct ray *ray, int64_t i, int64_t j, const struct a
                      struct truth_sphere_hit *hit)
 {
     const struct truth_sphere *s = ray->s;
-    struct cell cell = {.size = ldexp(1, s->finest)};
+    int exponent = exponent_at(s, s->finest, j);
+    struct cell cell = {.size = {ldexp(1, s->finest + exponent), ldexp(1, s->finest)}};
     if (s->finest == 0 && !s->samples) {
         const struct page *page = page_at(s, ray->tiles, i / PAGE, j / PAGE);
         for (int north = 0; north < 2; north++)
@@ -690,16 +797,16 @@ static bool cell_hit(const struct ray *ray, int64_t i, int64_t j, const struct a
         cell.corner[0][0] = south[i], cell.corner[0][1] = south[east];
         cell.corner[1][0] = north[i], cell.corner[1][1] = north[east];
     } else {
-        int64_t scale = (int64_t)1 << -s->finest, x = i + s->first * scale, y = j - s->pole * scale;
-        const struct tile *tile = tile_at(s, ray->tiles, s->finest, s->finest, x >> 3, y >> 3);
-        for (int north = 0; north < 2; north++)
-            for (int east = 0; east < 2; east++)
-                cell.corner[north][east] = tile->samples[(y & 7) + BEFORE + north][(x & 7) + BEFORE + east];
+        int64_t y = j - (s->pole << -s->finest);
+        const struct tile *tile = tile_at(s, ray->tiles, s->finest, exponent, i >> 3, y >> 3);
+        const bool wider[2] = {exponent_of(s, s->finest, y) > exponent,
+                               exponent_of(s, s->finest, y + 1) > exponent};
+        detail_corners(i, wider, &tile->samples[(y & 7) + BEFORE][(i & 7) + BEFORE - 1], SIDE, cell.corner);
     }
-    cell.west = (double)i * cell.size;
-    cell.south = (double)j * cell.size;
+    cell.west = (double)i * cell.size[0];
+    cell.south = (double)j * cell.size[1];
     // The sine of an angle up to a quarter turn is at least 2 / pi of it.
-    double from_pole = fmin(cell.south, 2 * (double)s->pole - cell.south - cell.size);
+    double from_pole = fmin(cell.south, 2 * (double)s->pole - cell.south - cell.size[1]);
     cell.axis_m =
         2 / M_PI * from_pole * s->spacing_rad[1] * (s->radius_m + s->offset_m + s->low * s->quantum_m);
     if (from_pole <= 0) return part_hit(ray, &cell, FAN, a, b, hit);
@@ -723,39 +830,50 @@ static bool cell_hit(const struct ray *ray, int64_t i, int64_t j, const struct a
 
 // ---- the quadtree ----------------------------------------------------------
 
-// At least the highest height of the finest surface over node (i, j) of height k, in nodes.
+// At least the highest height of the finest surface over node (i, j) of height k, in nodes.  Pages know of
+// nodes of single columns alone.
 static double highest(const struct ray *ray, int k, int64_t i, int64_t j)
 {
     const struct truth_sphere *s = ray->s;
     if (k >= 0 && s->high[k]) return (double)s->high[k][j * s->width[k] + i];
-    if (k >= 0) {
+    int exponent = exponent_at(s, k, j);
+    if (k >= 0 && exponent == 0) {
         int above = PAGE_HEIGHT - k, side = 1 << above;
         struct page *page = page_at(s, ray->tiles, i >> above, j >> above);
-        return (double)page_nodes(page, k)[j % side * side + i % side];
+        float high = page_nodes(page, k)[j % side * side + i % side];
+        if (k > 0 || high < HUGE_VALF) return (double)high;
     }
-    int64_t scale = (int64_t)1 << -k, x = i + s->first * scale, y = j - s->pole * scale;
-    return highest_over(s, ray->tiles, k, k, x, y);
+    if (k > 0) return HUGE_VAL;
+    return highest_over(s, ray->tiles, k, exponent, i, j - (s->pole << -k));
 }
 
-// Whether the ray, not below `lowest` between a and b in node (i, j) of height k, is above the finest surface
-// in those finer rows of the node that it passes through there.
-static bool is_over_rows(const struct ray *ray, int k, int64_t i, int64_t j, const struct at *a,
-                         const struct at *b, double lowest)
+static bool visit(const struct ray *ray, int k, int64_t i, int64_t j, const struct at *a, const struct at *b,
+                  struct truth_sphere_hit *hit);
+
+// Whether a line lies between two places.
+static bool is_between(double line, double from, double to)
+{
+    return (from < line && to > line) || (from > line && to < line);
+}
+
+// Goes on in those nodes of height k in row j that are halves of column i above, or as wide.
+static bool visit_row(const struct ray *ray, int k, int64_t i, int64_t j, bool halves, const struct at *a,
+                      const struct at *b, struct truth_sphere_hit *hit)
 {
     const struct truth_sphere *s = ray->s;
-    double south = fmin(a->place[1], b->place[1]), north = fmax(a->place[1], b->place[1]);
-    for (int rows = k - 2; rows >= s->finest && ldexp(north - south, -rows) <= 1; rows--) {
-        int64_t scale = (int64_t)1 << -rows, x = i + s->first * ((int64_t)1 << -k), first = j << (k - rows),
-                last = ((j + 1) << (k - rows)) - 1;
-        int64_t from = (int64_t)ldexp(south, -rows), to = (int64_t)ldexp(north, -rows);
-        double high = -HUGE_VAL;
-        from = from < first ? first : from > last ? last : from;
-        to = to < first ? first : to > last ? last : to;
-        for (int64_t row = from; row <= to; row++) {
-            int64_t y = row - s->pole * scale;
-            high = fmax(high, highest_over(s, ray->tiles, k, rows, x, y));
-        }
-        if (lowest > high) return true;
+    if (!halves) return visit(ray, k, i, j, a, b, hit);
+    double middle = ldexp((double)(2 * i + 1), k + exponent_at(s, k, j));
+    struct at stops[3] = {*a, *b, *b};
+    int count = 1;
+    if (is_between(middle, a->place[0], b->place[0])) {
+        stops[1] = crossing(ray, 0, middle, a, b);
+        count = 2;
+    }
+    int64_t last = nodes_in(s, k, j) - 1; // along the far border: in the last one
+    for (int part = 0; part < count; part++) {
+        const struct at *from = &stops[part], *to = &stops[part + 1];
+        int64_t x = 2 * i + (0.5 * (from->place[0] + to->place[0]) >= middle);
+        if (visit(ray, k, x < last ? x : last, j, from, to, hit)) return true;
     }
     return false;
 }
@@ -768,32 +886,20 @@ static bool visit(const struct ray *ray, int k, int64_t i, int64_t j, const stru
     if (ray->nearest > a->t && ray->nearest < b->t) lowest = at_time(ray, ray->nearest, a->place[0]).height_q;
     if (lowest > highest(ray, k, i, j)) return false;
     if (k == s->finest) return cell_hit(ray, i, j, a, b, hit);
-    bool crowded = k <= 0 && fabs(ldexp((double)j + 0.5, k) - (double)s->pole) > s->crowded;
-    if (crowded && is_over_rows(ray, k, i, j, a, b, lowest)) return false;
-    double middle[2] = {ldexp((double)(2 * i + 1), k - 1), ldexp((double)(2 * j + 1), k - 1)};
-    struct at stops[4] = {*a};
-    int count = 1;
-    for (int axis = 0; axis < 2; axis++) {
-        double from = a->place[axis] - middle[axis], to = b->place[axis] - middle[axis];
-        if (!(from < 0 && to > 0) && !(from > 0 && to < 0)) continue;
-        stops[count++] = crossing(ray, axis, middle[axis], a, b);
+    double middle = ldexp((double)(2 * j + 1), k - 1);
+    struct at stops[3] = {*a, *b, *b};
+    int count = 1, exponent = exponent_at(s, k, j);
+    if (is_between(middle, a->place[1], b->place[1])) {
+        stops[1] = crossing(ray, 1, middle, a, b);
+        count = 2;
     }
-    if (count == 3 && stops[2].t < stops[1].t) {
-        struct at swap = stops[1];
-        stops[1] = stops[2];
-        stops[2] = swap;
-    }
-    stops[count] = *b;
-    int64_t scale = k > 0 ? 1 : (int64_t)1 << (1 - k);
+    int64_t last = k > 0 ? s->height[k - 1] - 1 : (2 * s->pole << (1 - k)) - 1;
     for (int part = 0; part < count; part++) {
         const struct at *from = &stops[part], *to = &stops[part + 1];
-        int64_t x = 2 * i + (0.5 * (from->place[0] + to->place[0]) >= middle[0]);
-        int64_t y = 2 * j + (0.5 * (from->place[1] + to->place[1]) >= middle[1]);
-        int64_t columns = k > 0 ? s->width[k - 1] : s->columns * scale,
-                rows = k > 0 ? s->height[k - 1] : 2 * s->pole * scale;
-        x = x < columns ? x : columns - 1; // along the far border: in the last one
-        y = y < rows ? y : rows - 1;
-        if (visit(ray, k - 1, x, y, from, to, hit)) return true;
+        int64_t y = 2 * j + (0.5 * (from->place[1] + to->place[1]) >= middle);
+        y = y < last ? y : last;
+        bool halves = exponent_at(s, k - 1, y) == exponent;
+        if (visit_row(ray, k - 1, i, y, halves, from, to, hit)) return true;
     }
     return false;
 }

@@ -8,9 +8,9 @@
 // of what the file tells of the tiles there; each thread keeps 10 MiB of them.  Nodes and their order are the
 // same, and so are the results, bit for bit.
 //
-// Poles are rows of cells like any other: their northern or southern corners are one point.  There columns
-// crowd, and a ray crosses many in a row: before a node is gone down, the ray is held against bounds of the
-// node's width and of the few finer rows that it passes through.
+// Poles are rows of cells like any other: their northern or southern corners are one point.  Where columns
+// crowd, cells of synthesised levels are as wide as posts are apart (detail.h), and so are the nodes over
+// them, which stay about as wide as high in the world from the root to the cells.
 // SPDX-License-Identifier: MIT
 #ifndef BENCH_ERROR_TRUTH_SPHERE_H
 #define BENCH_ERROR_TRUTH_SPHERE_H

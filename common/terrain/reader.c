@@ -307,7 +307,7 @@ bool terrain_reader_window(struct terrain_reader *r, int level, int64_t x0, int6
         struct asking asking = {r, true};
         if (paged_planet(r->paged)) {
             // Detail is made on demand, from the stored samples under it.
-            struct terrain_extent e = detail_under(level, x0, y0, width, height);
+            struct terrain_extent e = detail_under(terrain_detail(r->terrain), level, x0, y0, width, height);
             paged_planet_pieces(r->paged, level < 0 ? 0 : level, e.x0, e.y0, (int)(e.x1 - e.x0),
                                 (int)(e.y1 - e.y0), ask_for, &asking);
         } else

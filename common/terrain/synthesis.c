@@ -50,6 +50,21 @@ void synthesis_add_row(int32_t *samples, int64_t count, int64_t i0, int64_t j, i
     for (int64_t i = 0; i < count; i++) samples[i] += rounded(sigma_q * normal(key, i0 + i));
 }
 
+struct synthesis_row synthesis_row(int64_t j, int level, uint64_t seed, double sigma_q)
+{
+    return (struct synthesis_row){row_key(j, level, seed), sigma_q};
+}
+
+double synthesis_deviate(const struct synthesis_row *row, int64_t i)
+{
+    return normal(row->key, i);
+}
+
+int32_t synthesis_rounded(double q)
+{
+    return rounded(q);
+}
+
 static int table_index(int64_t index)
 {
     int rest = (int)(index % SYNTHESIS_TABLE);

@@ -17,6 +17,15 @@ double synthesis_normal(int64_t i, int64_t j, int level, uint64_t seed);
 void synthesis_add_row(int32_t *samples, int64_t count, int64_t i0, int64_t j, int level, uint64_t seed,
                        double sigma_q);
 
+// The same, value by value: deviate i of a row, and a height rounded as they are.
+struct synthesis_row {
+    uint64_t key;
+    double sigma_q;
+};
+struct synthesis_row synthesis_row(int64_t j, int level, uint64_t seed, double sigma_q);
+double synthesis_deviate(const struct synthesis_row *row, int64_t i);
+int32_t synthesis_rounded(double q);
+
 // As published: one table of 50 x 50 deviates for every level, indexed by the coordinates modulo 50 (rounding
 // towards minus infinity, so that the origin is no seam).  It repeats every 50 samples, and samples of
 // different levels at equal indices get equal deviates: numerics.md, B13, fails it.

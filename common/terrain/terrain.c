@@ -130,22 +130,34 @@ static void sphere_bounds(const struct terrain *terrain, int level, int64_t x0, 
     if (east >= grid.columns) widen_bounds(l, 0, low, east - grid.columns, high, min_q, max_q);
 }
 
+// What U may make of cells of level 0 in finer levels, and the norm that says so.
+static double bound_cells(const struct terrain *terrain, int64_t x0, int64_t y0, int64_t x1, int64_t y1,
+                          double bounds[2])
+{
+    int64_t south = y0 - DETAIL_REACH, north = y1 + DETAIL_REACH,
+            more = detail_aside(&terrain->detail, south, north), aside = DETAIL_REACH + more;
+    double norm = more ? DETAIL_NORM_MIXED : DETAIL_NORM;
+    int32_t low = 0, high = 0;
+    sphere_bounds(terrain, 0, x0 - aside, south, x1 + aside, north, &low, &high);
+    double over = DETAIL_OVERSHOOT(norm) * ((double)high - low);
+    bounds[0] = low - over;
+    bounds[1] = high + over;
+    return norm;
+}
+
 // Block by block: U leaves the range of what it reads by a share of that range, which for the whole map would
 // promise mountains as high as its trenches are deep.
 static void bound_detail(struct terrain *terrain)
 {
     const int block = terrain->paged ? TERRAIN_PAGE : 8;
     const struct sphere_grid *grid = &terrain->detail.grid;
-    double *bounds = terrain->without_noise_q;
+    double *bounds = terrain->without_noise_q, here[2];
     bounds[0] = HUGE_VAL, bounds[1] = -HUGE_VAL;
     for (int64_t y = -grid->pole; y < grid->pole; y += block)
         for (int64_t x = grid->first; x < grid->first + grid->columns; x += block) {
-            int32_t low = 0, high = 0;
-            sphere_bounds(terrain, 0, x - DETAIL_REACH, y - DETAIL_REACH, x + block + DETAIL_REACH,
-                          y + block + DETAIL_REACH, &low, &high);
-            double over = DETAIL_OVERSHOOT * ((double)high - low);
-            bounds[0] = fmin(bounds[0], low - over);
-            bounds[1] = fmax(bounds[1], high + over);
+            bound_cells(terrain, x, y, x + block, y + block, here);
+            bounds[0] = fmin(bounds[0], here[0]);
+            bounds[1] = fmax(bounds[1], here[1]);
         }
 }
 
@@ -357,7 +369,7 @@ const struct terrain_info *terrain_info(const struct terrain *terrain)
 static struct terrain_level detail_level(const struct terrain *terrain, int level)
 {
     struct sphere_grid grid = sphere_level(&terrain->detail.grid, level);
-    double noise_q = detail_noise_limit(&terrain->detail, -level);
+    double noise_q = detail_noise_limit(&terrain->detail, -level, DETAIL_NORM_MIXED);
     return (struct terrain_level){
         .extent = sphere_extent(&grid),
         .spacing_m = {ldexp(terrain->info.spacing_m[0], level), ldexp(terrain->info.spacing_m[1], level)},
@@ -401,7 +413,7 @@ bool terrain_window(const struct terrain *terrain, int level, int64_t x0, int64_
                     int32_t *out, enum terrain_wait wait)
 {
     if (is_sphere(terrain) && level < 0) {
-        struct terrain_extent e = detail_under(level, x0, y0, width, height);
+        struct terrain_extent e = detail_under(&terrain->detail, level, x0, y0, width, height);
         if (terrain->paged && wait == TERRAIN_TRY &&
             !paged_planet_window(terrain->paged, 0, e.x0, e.y0, (int)(e.x1 - e.x0), (int)(e.y1 - e.y0), NULL,
                                  wait))
@@ -437,12 +449,11 @@ bool terrain_window(const struct terrain *terrain, int level, int64_t x0, int64_
 static void detail_bounds(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int64_t x1,
                           int64_t y1, int32_t *min_q, int32_t *max_q)
 {
-    sphere_bounds(terrain, 0, (x0 >> -level) - DETAIL_REACH, (y0 >> -level) - DETAIL_REACH,
-                  (x1 >> -level) + 1 + DETAIL_REACH, (y1 >> -level) + 1 + DETAIL_REACH, min_q, max_q);
-    double range = (double)*max_q - *min_q;
-    int32_t margin = (int32_t)ceil(range * DETAIL_OVERSHOOT + detail_noise_limit(&terrain->detail, -level));
-    *min_q -= margin;
-    *max_q += margin;
+    double bounds[2], norm = bound_cells(terrain, x0 >> -level, y0 >> -level, (x1 >> -level) + 1,
+                                         (y1 >> -level) + 1, bounds);
+    double noise_q = detail_noise_limit(&terrain->detail, -level, norm);
+    *min_q = (int32_t)floor(bounds[0] - noise_q);
+    *max_q = (int32_t)ceil(bounds[1] + noise_q);
 }
 
 void terrain_bounds(const struct terrain *terrain, int level, int64_t x0, int64_t y0, int64_t x1, int64_t y1,
@@ -533,14 +544,28 @@ static bool sphere_truth_at(const struct terrain *terrain, double x_m, double y_
     if (!isfinite(place[0]) || !(fabs(place[1]) <= pole + 1e-6 * pole)) return false;
     place[1] = fmin(fmax(place[1], -pole), pole);
     int64_t i = (int64_t)floor(place[0]), j = clamp((int64_t)floor(place[1]), -grid.pole, grid.pole - 1);
-    double u = place[0] - (double)i, v = place[1] - (double)j;
-    int32_t z[4]; // south-west, south-east, north-west, north-east
-    terrain_window(terrain, info->finest, i, j, 2, 2, z, TERRAIN_WAIT);
+    double u = place[0] - (double)i, v = place[1] - (double)j, z[2][2]; // [north][east]
+    if (info->finest < 0) {
+        int e = detail_cell_exponent(&terrain->detail, info->finest, j);
+        int64_t post = (i - grid.first) >> e;
+        double west = (double)(post * ((int64_t)1 << e) + grid.first);
+        int32_t around[2 * DETAIL_CELL];
+        detail_posts(&terrain->detail, info->finest, e, post - 1, j, DETAIL_CELL, 2, around);
+        const bool wider[2] = {detail_exponent(&terrain->detail, info->finest, j) > e,
+                               detail_exponent(&terrain->detail, info->finest, j + 1) > e};
+        detail_corners(post, wider, around, DETAIL_CELL, z);
+        spacing[0] = ldexp(spacing[0], e);
+        u = ldexp(place[0] - west, -e);
+    } else {
+        int32_t corners[4];
+        terrain_window(terrain, 0, i, j, 2, 2, corners, TERRAIN_WAIT);
+        for (int k = 0; k < 4; k++) z[k / 2][k % 2] = corners[k];
+    }
     bool fan = j == -grid.pole || j == grid.pole - 1;
     double across = fan ? v : u < v, along = fan ? u : u >= v; // of the edges whose slopes count
-    double along_x = (1 - across) * (z[1] - z[0]) + across * (z[3] - z[2]),
-           along_y = (1 - along) * (z[2] - z[0]) + along * (z[3] - z[1]);
-    *height_q = z[0] + u * (fan ? z[1] - z[0] : along_x) + v * along_y;
+    double along_x = (1 - across) * (z[0][1] - z[0][0]) + across * (z[1][1] - z[1][0]),
+           along_y = (1 - along) * (z[1][0] - z[0][0]) + along * (z[1][1] - z[0][1]);
+    *height_q = z[0][0] + u * (fan ? z[0][1] - z[0][0] : along_x) + v * along_y;
     if (slope) {
         slope[0] = along_x / spacing[0];
         slope[1] = along_y / spacing[1];
