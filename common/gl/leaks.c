@@ -10,12 +10,19 @@
 #include <stdio.h>
 #include <string.h>
 
-const char *__lsan_default_suppressions(void); // the sanitizer calls it
+const char *__lsan_default_suppressions(void); // the sanitizer calls these
+const char *__lsan_default_options(void);
 
 // Mesa 22.3 loses 112 bytes at the first draw, and 368 more in an OSMesa context.
 const char *__lsan_default_suppressions(void)
 {
     return "leak:_dri.so\nleak:libgallium\nleak:libOSMesa\nleak:libnvidia\n";
+}
+
+// A program without leaks says nothing.
+const char *__lsan_default_options(void)
+{
+    return "print_suppressions=0";
 }
 
 static int find_driver(struct dl_phdr_info *info, size_t size, void *path)
