@@ -142,7 +142,7 @@ static void test_threads_and_regions_do_not_show(void **state)
     static const int REGIONS[] = {256, 512, 1024, 2048};
     const struct relief_pack_options *const all[2] = {&BOUNDED, &WAVELET};
     for (int layout = 0; layout < 2; layout++) {
-        struct heightfield field = hills(1100, 900, 5);
+        struct heightfield field = hills(test_size(700, 1100), test_size(560, 900), 5);
         pack(&field, *all[layout], "one.relief");
         for (int i = 0; i < 4; i++) {
             struct relief_pack_options options = *all[layout];
@@ -257,15 +257,21 @@ static void test_large_files_are_not_held(void **state)
     assert_false(relief_source_open(&source, in_folder("bare.png"), LITTLE_MEMORY, NULL));
 }
 
-static const char WORLD[] =
-    "{\"generate\": \"amplify\", \"source\": \"jacksboro\", \"levels\": 3, \"width\": "
-    "1100, \"height\": 900, \"spacing_m\": 30, \"height_scale\": 4, \"seed\": 7}";
+static void write_world(int width, int height)
+{
+    char text[256];
+    snprintf(text, sizeof text,
+             "{\"generate\": \"amplify\", \"source\": \"jacksboro\", \"levels\": 3, \"width\": %d, "
+             "\"height\": %d, \"spacing_m\": 30, \"height_scale\": 4, \"seed\": 7}",
+             width, height);
+    write_text("world.json", text);
+}
 
 static void test_a_made_world_is_the_same_from_any_window(void **state)
 {
     (void)state;
     struct relief_source source;
-    write_text("world.json", WORLD);
+    write_world(1100, 900);
     assert_true(relief_source_open(&source, in_folder("world.json"), 0, NULL));
     assert_int_equal(source.size[0], 1100);
     struct patch whole = {{0, 0, 1100, 900}, malloc(1100 * 900 * sizeof(int32_t))};
@@ -355,7 +361,7 @@ static void test_killed_at_any_moment_it_goes_on(void **state)
     const struct relief_pack_options *const all[2] = {&BOUNDED, &WAVELET};
     uint64_t seed = 20;
     int kills = 0, resumed = 0;
-    write_text("world.json", WORLD);
+    write_world(test_size(800, 1100), test_size(640, 900));
     for (int layout = 0; layout < 2; layout++) {
         struct relief_pack_options options = *all[layout];
         options.region = 256;
@@ -419,7 +425,7 @@ static void test_interrupted_restarted_and_begun_otherwise(void **state)
     struct relief_header header;
     struct relief_pack_options options = BOUNDED, other = BOUNDED;
     other.max_m = 2;
-    write_text("world.json", WORLD);
+    write_world(test_size(800, 1100), test_size(640, 900));
     struct relief_source source = counting_open(&c, "world.json", 0, &options);
     assert_true(relief_pack_source(&source, &options, in_folder("plain.relief"), &header));
     int windows = -c.left, breaks = 0;
@@ -479,7 +485,7 @@ static void test_progress_ends_at_100(void **state)
     struct relief_header header;
     struct relief_pack_options options = WAVELET;
     options.progress = true;
-    write_text("world.json", WORLD);
+    write_world(test_size(800, 1100), test_size(640, 900));
     struct relief_source source = counting_open(&c, "world.json", 0, &options);
     fflush(stderr);
     int kept = dup(2), file = open(in_folder("progress"), O_RDWR | O_CREAT | O_TRUNC, 0600);
@@ -518,7 +524,7 @@ static void test_a_full_disk_is_one_line_and_loses_nothing(void **state)
     struct relief_source source;
     struct relief_header header;
     struct rlimit before, little;
-    write_text("world.json", WORLD);
+    write_world(test_size(800, 1100), test_size(640, 900));
     assert_true(relief_source_open(&source, in_folder("world.json"), 0, NULL));
     assert_true(relief_pack_source(&source, &BOUNDED, in_folder("plain.relief"), &header));
     signal(SIGXFSZ, SIG_IGN); // a write beyond the limit fails instead
@@ -540,7 +546,7 @@ static void test_a_full_disk_is_one_line_and_loses_nothing(void **state)
 static void test_harmed_journals_are_not_believed(void **state)
 {
     (void)state;
-    write_text("world.json", WORLD);
+    write_world(test_size(800, 1100), test_size(640, 900));
     assert_int_equal(pack_in_child("plain.relief", &BOUNDED, -1), 0);
     uint64_t seed = 4;
     for (int i = 0; i < test_size(6, 100); i++) {
