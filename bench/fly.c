@@ -329,7 +329,7 @@ int fly_main(int argc, char **argv)
         {"terrain", "FILE", "any elevation file; replaces the scene's terrain, and a path is made to suit it",
          CLI_TEXT, &o->terrain, 0, 0, NULL},
         {"cache-mib", "MIB",
-         "of a .relief file, which stays on disk: most that is kept decoded (default: 128)", CLI_NUMBER,
+         "of a .relief file, which stays on disk: most that is kept decoded (default: 64)", CLI_NUMBER,
          &o->cache_mib, 0.001, 1 << 20, NULL},
         {"renderers", "LIST", "name[:knob=value...],...; flown one after the other", CLI_TEXT, &o->renderers,
          0, 0, NULL},

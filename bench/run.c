@@ -147,7 +147,7 @@ int run_main(int argc, char **argv)
         {"truth", "FILE", "the map that errors are measured against: the source of a .relief file, say",
          CLI_TEXT, &o->truth, 0, 0, NULL},
         {"cache-mib", "MIB",
-         "of a .relief file, which stays on disk: most that is kept decoded (default: 128)", CLI_NUMBER,
+         "of a .relief file, which stays on disk: most that is kept decoded (default: 64)", CLI_NUMBER,
          &o->cache_mib, 0.001, 1 << 20, NULL},
         {"renderers", "LIST", "name[:knob=value...],...; a name alone is swept (default: all)", CLI_TEXT,
          &o->renderers, 0, 0, NULL},

@@ -54,7 +54,7 @@ static void fill_table(struct options *o, const struct renderer_type *type)
         {.name = "cache-mib",
          .metavar = "MIB",
          .help = "of a .relief file, which stays on disk: most that is kept decoded (default: the scene's, "
-                 "or 128)",
+                 "or 64)",
          .kind = CLI_NUMBER,
          .value = &o->cache_mib,
          .min = 0.001,

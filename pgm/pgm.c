@@ -99,8 +99,11 @@ static const struct renderer_knob knobs[] = {
      PGM_FETCH_PLAIN, 0, 3, "plain|packed|mipmap|linear"},
     {"textures", "all levels in one texture, or one texture each, chosen by branching", 0, 0, 1,
      "atlas|many"},
-    {"memory", "MiB of textures on the GPU, beyond which levels are tiles about the viewer; 0: no limit", 256,
-     0, 65536, NULL},
+    {"memory",
+     "MiB of textures on the GPU, beyond which levels are tiles about the viewer; 0: no limit; -1: 256, or "
+     "32 "
+     "over terrain that is read on demand",
+     -1, -1, 65536, NULL},
     {"budget", "KiB of textures uploaded a frame at most, once flying", 1024, 64, 1048576, NULL},
     {"mapping", "grid to ground: Equation 1 as printed in world coordinates, or relative to the eye", 1, 0, 1,
      "published|stable"},
@@ -225,13 +228,22 @@ static void read_settings(struct pgm *pgm)
     pgm->faces = (enum renderer_faces)k[KNOB_FACES];
 }
 
+// Of a map that is never held whole, levels are tiles whatever the memory; larger ones take longer to be
+// there.
+static double memory_mib(const struct pgm *pgm)
+{
+    const struct terrain *terrain = pgm->desc.terrain;
+    double mib = pgm->desc.knobs[KNOB_MEMORY];
+    return mib >= 0 ? mib : terrain_extrema(terrain) ? 256 : 32;
+}
+
 static struct pgm_storage read_storage(const struct pgm *pgm)
 {
     const double *k = pgm->desc.knobs;
     return (struct pgm_storage){.fetch = (enum pgm_fetch)k[KNOB_FETCH],
                                 .shaded = pgm->desc.effects->shading == SCENE_SHADING_OWN,
                                 .many = k[KNOB_TEXTURES] > 0,
-                                .memory_bytes = (size_t)(k[KNOB_MEMORY] * 1048576),
+                                .memory_bytes = (size_t)(memory_mib(pgm) * 1048576),
                                 .budget_bytes = (size_t)(k[KNOB_BUDGET] * 1024),
                                 .most_texels = gpu_info(pgm->desc.gpu)->max_texture_size};
 }

@@ -6,7 +6,7 @@
 //              | { "file": "x.png" | "builtin": "jacksboro",
 //                  "synthesize_levels": 3, "seed": 1, "filter": "linear|halfband|tent|decimate|optimal",
 //                  "noise": "hash|table",
-//                  "cache_mib": 128,            of a .relief file, which stays on disk: ceiling of what is
+//                  "cache_mib": 64,             of a .relief file, which stays on disk: ceiling of what is
 //                                               kept decoded, MiB
 //                  "frame_samples": 524288,     ... samples that arrive a frame at most; -1: they are
 //                                               waited for

@@ -17,7 +17,7 @@ enum {
     FEWEST_FOR_PARENTS = 128,
     PAGE_ALONE = 3, // levels that a page is decoded from without their blocks
 };
-#define DEFAULT_CACHE_BYTES ((uint64_t)128 << 20)
+#define DEFAULT_CACHE_BYTES ((uint64_t)64 << 20)
 
 static bool no_memory(struct paged *p)
 {

@@ -101,7 +101,7 @@ struct terrain_options {
     bool pixel_centred; // planet: samples are the centres of cells
 
     // Of a .relief file, which is read on demand; filter does not apply, its levels are the file's own.
-    uint64_t cache_bytes; // ceiling of what is kept decoded; 0: 128 MiB
+    uint64_t cache_bytes; // ceiling of what is kept decoded; 0: 64 MiB
     int64_t
         frame_samples;  // samples that arrive a frame at most (reader.h); 0: 2^19; < 0: readers wait instead
     int latency_frames; // from asking to arrival (reader.h); 0: 2

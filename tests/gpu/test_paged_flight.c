@@ -42,7 +42,7 @@ static int make_world(void **state)
 
 struct flown { // what `bench fly` said
     unsigned long long ground, holes;
-    double process_mib, terrain_mib;
+    double process_mib, terrain_mib, renderer_mib;
 };
 
 static struct flown fly(const char *words)
@@ -55,8 +55,8 @@ static struct flown fly(const char *words)
     FILE *said = popen(command, "r");
     assert_non_null(said);
     while (fgets(line, sizeof line, said)) {
-        sscanf(line, "  memory: process at most %lf MiB, terrain %lf", &flown.process_mib,
-               &flown.terrain_mib);
+        sscanf(line, "  memory: process at most %lf MiB, terrain %lf, renderer %lf", &flown.process_mib,
+               &flown.terrain_mib, &flown.renderer_mib);
         sscanf(line, "  %*d frames held against the truth: %llu pixels of ground, holes %llu", &flown.ground,
                &flown.holes);
     }
@@ -82,6 +82,30 @@ static void flights_are_whole(void **state)
         assert_int_equal(flown.holes, 0);
         assert_true(flown.terrain_mib <=
                     CACHE_MIB + 1.5); // beside the ceiling: 14 bytes a tile, descriptions
+        assert_true(flown.process_mib < 400);
+    }
+}
+
+// A map of 79 million samples: nothing is said of memory, and no more is taken than README.md tells.
+static void little_memory_is_taken_unasked(void **state)
+{
+    (void)state;
+    FILE *file = fopen(in_folder("finer.json"), "w");
+    assert_true(file && fputs("{\"name\": \"finer\", \"terrain\": {\"file\": \"world.relief\", "
+                              "\"synthesize_levels\": 2}}",
+                              file) >= 0);
+    fclose(file);
+    for (int r = 0; r < RENDERERS; r++) {
+        char words[512];
+        snprintf(words, sizeof words,
+                 "--scene %s --frames %d --look 0 --search 0 --size %dx%d --renderers %s",
+                 in_folder("finer.json"), test_size(25, 1000), WIDTH, HEIGHT, FLOWN[r].in_words);
+        struct flown flown = fly(words);
+        FIGURE("%s over 13497 x 5849 samples, nothing said of memory: process %.0f MiB, terrain %.1f, "
+               "renderer %.1f",
+               FLOWN[r].in_words, flown.process_mib, flown.terrain_mib, flown.renderer_mib);
+        assert_true(flown.terrain_mib <= 64 + 1.5);
+        assert_true(flown.renderer_mib <= 32 + 2); // textures; vertices of the grid
         assert_true(flown.process_mib < 400);
     }
 }
@@ -190,6 +214,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(flights_are_whole),
+        cmocka_unit_test(little_memory_is_taken_unasked),
         cmocka_unit_test(planets_are_flown_in_little_memory),
         cmocka_unit_test(at_rest_nothing_is_missing),
     };
