@@ -2,6 +2,7 @@
 #include "clipmap/sphere_levels.h"
 
 #include "common/report.h"
+#include "common/terrain/detail.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -278,12 +279,25 @@ static bool is_filtered(const struct sphere_shape *shape, int level, int count)
     return level >= 0 && count + 1 <= shape->size * shape->size;
 }
 
+// Of a synthesised level, whose rounded samples between posts would be stairs under the viewer's feet.  False
+// when no column of the box is a first one.
+static bool read_detail(const struct detail *detail, int level, int decimation, const struct clipmap_box *box,
+                        float *heights)
+{
+    int width = (int)(box->hi[0] - box->lo[0] + 1), height = (int)(box->hi[1] - box->lo[1] + 1);
+    int64_t scale = (int64_t)1 << decimation, first = sphere_level(&detail->grid, level).first;
+    if (first % scale != 0) return false;
+    detail_heights(detail, level, decimation, box->lo[0] - first / scale, box->lo[1], width, height, heights);
+    return true;
+}
+
 void sphere_read_texels(const struct sphere_shape *shape, const struct terrain *terrain, int level,
                         int decimation, const struct clipmap_box *box, float *heights, int32_t *columns)
 {
     int width = (int)(box->hi[0] - box->lo[0] + 1), height = (int)(box->hi[1] - box->lo[1] + 1);
     int count = 1 << decimation;
     level = sampled_level(shape, level);
+    if (level < 0 && read_detail(terrain_detail(terrain), level, decimation, box, heights)) return;
     if (decimation == 0) {
         terrain_window(terrain, level, box->lo[0], box->lo[1], width, height, columns, TERRAIN_WAIT);
         for (int64_t k = 0; k < (int64_t)width * height; k++) heights[k] = (float)columns[k];
@@ -292,16 +306,14 @@ void sphere_read_texels(const struct sphere_shape *shape, const struct terrain *
     bool filter = is_filtered(shape, level, count);
     for (int i = 0; i < width; i++) {
         int64_t x = (box->lo[0] + i) << decimation;
-        if (!filter) {
-            terrain_window(terrain, level, x, box->lo[1], 1, height, columns, TERRAIN_WAIT);
-            for (int j = 0; j < height; j++) heights[(int64_t)j * width + i] = (float)columns[j];
-            continue;
-        }
-        for (int j = 0; j < height; j++) {
+        for (int j = 0; j < height && filter; j++) {
             terrain_window(terrain, level, x - count / 2, box->lo[1] + j, count + 1, 1, columns,
                            TERRAIN_WAIT);
             heights[(int64_t)j * width + i] = mean_of(columns, count);
         }
+        if (filter) continue;
+        terrain_window(terrain, level, x, box->lo[1], 1, height, columns, TERRAIN_WAIT);
+        for (int j = 0; j < height; j++) heights[(int64_t)j * width + i] = (float)columns[j];
     }
 }
 

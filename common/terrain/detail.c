@@ -4,6 +4,7 @@
 #include "common/terrain/synthesis.h"
 #include "common/terrain/upsample.h"
 
+#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
 
@@ -164,6 +165,15 @@ static void samples_of(const struct row *row, int exponent, int64_t first, int c
     }
 }
 
+static void heights_of(const struct row *row, int exponent, int64_t first, int count, float *out)
+{
+    for (int k = 0; k < count; k++) {
+        double place = ldexp((double)(first + k), exponent - row->exponent), at = floor(place);
+        const int32_t *post = row->posts + ((int64_t)at - row->first);
+        out[k] = (float)(place > at ? post[0] + (place - at) * ((double)post[1] - post[0]) : post[0]);
+    }
+}
+
 // What a row's posts are made of, in the next coarser level: samples 2^exponent columns apart.
 struct support {
     int exponent, count, rows; // 1 row or 4 of them
@@ -221,8 +231,8 @@ static void make_rows(const struct detail *detail, int level, int64_t y0, int he
     struct sphere_grid grid = sphere_level(&detail->grid, level + 1);
     struct row coarse[MOST_ROWS];
     int64_t from[MOST_ROWS], to[MOST_ROWS], first_row = (y0 >> 1) - 1;
-    int count = upsample_coarse_size(y0, height);
-    for (int k = 0; k < count; k++) from[k] = INT64_MAX, to[k] = INT64_MIN;
+    int count = upsample_coarse_size(y0, height), least[MOST_ROWS];
+    for (int k = 0; k < count; k++) from[k] = INT64_MAX, to[k] = INT64_MIN, least[k] = INT_MAX;
     for (int k = 0; k < height; k++) {
         struct support s = support_of(&grid, &rows[k], y0 + k);
         int64_t scale = (int64_t)1 << s.exponent, west = s.first * scale,
@@ -230,12 +240,16 @@ static void make_rows(const struct detail *detail, int level, int64_t y0, int he
         for (int64_t j = s.row - first_row; rows[k].count && j < s.row - first_row + s.rows; j++) {
             from[j] = west < from[j] ? west : from[j];
             to[j] = east > to[j] ? east : to[j];
+            least[j] = s.exponent < least[j] ? s.exponent : least[j];
         }
     }
     for (int k = 0; k < count; k++) {
-        int e = exponent_of(&grid, first_row + k);
-        coarse[k] = (struct row){.exponent = e, .posts = room};
-        if (from[k] > to[k]) continue;
+        if (from[k] > to[k]) {
+            coarse[k] = (struct row){.posts = room};
+            continue;
+        }
+        int own = exponent_of(&grid, first_row + k), e = own > least[k] ? own : least[k];
+        coarse[k] = (struct row){.exponent = e, .skipped = e - own, .posts = room};
         coarse[k].first = from[k] >> e;
         coarse[k].count = (int)(((to[k] + ((int64_t)1 << e) - 1) >> e) - coarse[k].first) + 1;
         room += coarse[k].count;
@@ -245,24 +259,6 @@ static void make_rows(const struct detail *detail, int level, int64_t y0, int he
         struct support s = support_of(&grid, &rows[k], y0 + k);
         if (rows[k].count) make_row(detail, level, y0 + k, &s, &coarse[s.row - first_row], &rows[k]);
     }
-}
-
-// A tile of samples 2^exponent columns apart, counted from the grid's first column.
-static void make_round_tile(const struct detail *detail, int level, int exponent, int64_t x0, int64_t y0,
-                            int width, int height, int32_t *out, int stride)
-{
-    struct sphere_grid grid = sphere_level(&detail->grid, level);
-    int32_t room[POSTS], *next = room;
-    struct row rows[TILE];
-    for (int j = 0; j < height; j++) {
-        int e = exponent_of(&grid, y0 + j), own = e > exponent ? e : exponent, wider = own - exponent;
-        int64_t last = x0 + width - 1;
-        rows[j] = (struct row){.exponent = own, .skipped = own - e, .first = x0 >> wider, .posts = next};
-        rows[j].count = (int)(((last + ((int64_t)1 << wider) - 1) >> wider) - rows[j].first) + 1;
-        next += rows[j].count;
-    }
-    make_rows(detail, level, y0, height, rows, next);
-    for (int j = 0; j < height; j++) samples_of(&rows[j], exponent, x0, width, out + (int64_t)j * stride);
 }
 
 // Whether posts are single columns all about some rows, down to the stored ones.
@@ -296,39 +292,79 @@ static void make_tile(const struct detail *detail, int level, int64_t x0, int64_
     detail_refine(detail, level, 0, scratch, x0 - grid.first, y0, width, height, out);
 }
 
-void detail_posts(const struct detail *detail, int level, int exponent, int64_t post, int64_t y0, int width,
-                  int height, int32_t *out)
+// Where windows are put, `width` a row: as samples or, of what lies between posts, unrounded.
+struct target {
+    int32_t *samples;
+    float *heights;
+    int width;
+};
+
+static void put_plain_tile(const struct detail *detail, int level, int64_t x0, int64_t y0, int width,
+                           int height, const struct target *to, int64_t at)
+{
+    int32_t tile[TILE * TILE], scratch[SCRATCH];
+    make_tile(detail, level, x0, y0, width, height, tile, scratch);
+    for (int j = 0; j < height; j++, at += to->width)
+        for (int i = 0; i < width; i++)
+            if (to->samples)
+                to->samples[at + i] = tile[j * width + i];
+            else
+                to->heights[at + i] = (float)tile[j * width + i];
+}
+
+static void put_round_tile(const struct detail *detail, int level, int exponent, int64_t post, int64_t y0,
+                           int width, int height, const struct target *to, int64_t at)
 {
     struct sphere_grid grid = sphere_level(&detail->grid, level);
-    if (exponent == 0) {
-        detail_window(detail, level, post + grid.first, y0, width, height, out);
-        return;
+    int32_t room[POSTS], *next = room;
+    struct row rows[TILE];
+    for (int j = 0; j < height; j++) {
+        int e = exponent_of(&grid, y0 + j), own = e > exponent ? e : exponent, wider = own - exponent;
+        int64_t last = post + width - 1;
+        rows[j] = (struct row){.exponent = own, .skipped = own - e, .first = post >> wider, .posts = next};
+        rows[j].count = (int)(((last + ((int64_t)1 << wider) - 1) >> wider) - rows[j].first) + 1;
+        next += rows[j].count;
     }
+    make_rows(detail, level, y0, height, rows, next);
+    for (int j = 0; j < height; j++, at += to->width)
+        if (to->samples)
+            samples_of(&rows[j], exponent, post, width, to->samples + at);
+        else
+            heights_of(&rows[j], exponent, post, width, to->heights + at);
+}
+
+static void put(const struct detail *detail, int level, int exponent, int64_t post, int64_t y0, int width,
+                int height, const struct target *to)
+{
+    int64_t first = sphere_level(&detail->grid, level).first;
     for (int y = 0; y < height; y += TILE)
         for (int x = 0; x < width; x += TILE) {
             int w = width - x < TILE ? width - x : TILE, h = height - y < TILE ? height - y : TILE;
-            make_round_tile(detail, level, exponent, post + x, y0 + y, w, h, out + (int64_t)y * width + x,
-                            width);
+            int64_t at = (int64_t)y * to->width + x;
+            if (exponent == 0 && is_plain(detail, level, y0 + y, h))
+                put_plain_tile(detail, level, first + post + x, y0 + y, w, h, to, at);
+            else
+                put_round_tile(detail, level, exponent, post + x, y0 + y, w, h, to, at);
         }
+}
+
+void detail_posts(const struct detail *detail, int level, int exponent, int64_t post, int64_t y0, int width,
+                  int height, int32_t *out)
+{
+    put(detail, level, exponent, post, y0, width, height, &(struct target){.samples = out, .width = width});
+}
+
+void detail_heights(const struct detail *detail, int level, int exponent, int64_t post, int64_t y0, int width,
+                    int height, float *out)
+{
+    put(detail, level, exponent, post, y0, width, height, &(struct target){.heights = out, .width = width});
 }
 
 void detail_window(const struct detail *detail, int level, int64_t x0, int64_t y0, int width, int height,
                    int32_t *out)
 {
     struct sphere_grid grid = sphere_level(&detail->grid, level);
-    int32_t tile[TILE * TILE], scratch[SCRATCH];
-    for (int y = 0; y < height; y += TILE)
-        for (int x = 0; x < width; x += TILE) {
-            int w = width - x < TILE ? width - x : TILE, h = height - y < TILE ? height - y : TILE;
-            int32_t *to = out + (int64_t)y * width + x;
-            if (!is_plain(detail, level, y0 + y, h)) {
-                make_round_tile(detail, level, 0, x0 + x - grid.first, y0 + y, w, h, to, width);
-                continue;
-            }
-            make_tile(detail, level, x0 + x, y0 + y, w, h, tile, scratch);
-            for (int j = 0; j < h; j++)
-                for (int i = 0; i < w; i++) to[(int64_t)j * width + i] = tile[j * w + i];
-        }
+    detail_posts(detail, level, 0, x0 - grid.first, y0, width, height, out);
 }
 
 int detail_cell_exponent(const struct detail *detail, int level, int64_t j)

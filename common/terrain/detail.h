@@ -32,10 +32,13 @@ void detail_window(const struct detail *detail, int level, int64_t x0, int64_t y
 // from the grid's first column.
 int detail_exponent(const struct detail *detail, int level, int64_t row);
 
-// Samples of a level below 0 that are 2^exponent columns apart, at which a turn comes out even, from the
-// post-th on, counted from the grid's first column.
+// Samples of a level below 0 (or of level 0 as they are read there) that are 2^exponent columns apart, which
+// divides a turn, from the post-th on, counted from the grid's first column; and the heights there, quanta,
+// which between posts are not rounded.
 void detail_posts(const struct detail *detail, int level, int exponent, int64_t post, int64_t y0, int width,
                   int height, int32_t *out);
+void detail_heights(const struct detail *detail, int level, int exponent, int64_t post, int64_t y0, int width,
+                    int height, float *out);
 
 // The surface of a synthesised level is that of its posts.  The cells of row j, between rows j and j + 1, are
 // as wide as the posts of the row nearer to the equator are apart, 2^e columns; a corner between two posts of
