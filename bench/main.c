@@ -12,14 +12,15 @@
 
 static const char usage[] =
     "usage: bench COMMAND [options]\n"
-    "  run [options]   fly one path through every renderer; leave results.json and the report\n"
-    "  fly [options]   long flights, for maps that only fit on disk: times, memory, holes\n"
-    "  report DIR      rebuild the report from DIR/results.json, no GL needed\n"
-    "  papers [options] tables of the papers, measured again beside the printed figures\n"
-    "  --help, --version; `bench run --help` (fly, papers) list options\n";
+    "  run [options]     fly one path through every renderer; leave results.json and the report\n"
+    "  fly [options]     long flights, for maps that only fit on disk: times, memory, holes\n"
+    "  report DIR        rebuild the report from DIR/results.json, no GL needed\n"
+    "  papers [options]  tables of the papers, measured again beside the printed figures\n"
+    "  --help, --version; `bench run --help` (fly, papers) lists the options\n";
 
 static int report_main(int argc, char **argv)
 {
+    if (argc == 3 && strcmp(argv[2], "--help") == 0) return fputs(usage, stdout), EXIT_GOOD;
     if (argc != 3) return fail("report: the folder of a results.json is expected"), EXIT_COMMAND_LINE;
     if (!report_write(argv[2])) return EXIT_WORLD;
     printf("report: %s/index.html\n", argv[2]);
