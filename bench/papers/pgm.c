@@ -260,24 +260,41 @@ static struct scene *puget_scene(struct papers *papers, struct papers_table *tab
     return scene;
 }
 
-static bool measure_path(struct papers *papers, const struct scene *scene, const char *grid, int window,
-                         double values[8], const struct grid *printed)
+typedef bool measure_fn(struct papers *papers, const struct scene *scene, const struct grid *grid, int window,
+                        double cells[4]);
+
+// A row a grid, four cells a window.
+static bool measure_grids(struct papers *papers, struct papers_table *table, measure_fn *measure)
+{
+    struct scene *scene = puget_scene(papers, table);
+    if (!scene) return table->skipped[0] != 0;
+    bool good = true;
+    for (int g = 0; g < GRIDS && good; g++) {
+        double *values = papers_row(table, "%s", grids[g].name);
+        for (int window = 0; window < 2 && good; window++)
+            good = measure(papers, scene, &grids[g], window, values + (ptrdiff_t)4 * window);
+    }
+    scene_destroy(scene);
+    return good;
+}
+
+static bool measure_path(struct papers *papers, const struct scene *scene, const struct grid *grid,
+                         int window, double cells[4])
 {
     struct scene sized = *scene;
     sized.width = window_sizes[window][0], sized.height = window_sizes[window][1];
     struct papers_meter meter;
     struct tally tally = {.samples = 0};
-    struct renderer *renderer = create_grid(papers, &sized, grid, "stable", "off");
+    struct renderer *renderer = create_grid(papers, &sized, grid->name, "stable", "off");
     bool good = papers_meter_init(&meter, papers, &sized) && renderer;
     for (int frame = 0; frame < ERROR_FRAMES && good; frame++) {
         struct view view;
         scene_view(&sized, frame, ERROR_FRAMES, &view);
         good = measure_view(&meter, renderer, &view, &tally);
     }
-    double *cells = values + (ptrdiff_t)4 * window;
-    cells[0] = printed->max_px[window];
+    cells[0] = grid->max_px[window];
     cells[1] = tally.largest_px;
-    cells[2] = printed->mean_px[window];
+    cells[2] = grid->mean_px[window];
     cells[3] = tally.samples ? tally.sum_px / (double)tally.samples : (double)NAN;
     pgm_renderer.destroy(renderer);
     papers_meter_finish(&meter);
@@ -301,17 +318,10 @@ bool papers_pgm_error(struct papers *papers, struct papers_table *table)
         snprintf(name, sizeof name, "%s, %s", c % 4 < 2 ? "max" : "mean", c < 4 ? "640" : "1024");
         papers_column(table, name, "px", c % 2 == 0);
     }
-    struct scene *scene = puget_scene(papers, table);
-    if (!scene) return table->skipped[0] != 0;
-    bool good = true;
-    for (int g = 0; g < GRIDS && good; g++) {
-        double *values = papers_row(table, "%s", grids[g].name);
-        for (int window = 0; window < 2 && good; window++)
-            good = measure_path(papers, scene, grids[g].name, window, values, &grids[g]);
-    }
+    bool good = measure_grids(papers, table, measure_path);
+    if (table->skipped[0]) return good;
     error_notes(table);
     papers_note(table, "Windows of %s and %s pixels, %d frames.", windows[0], windows[1], ERROR_FRAMES);
-    scene_destroy(scene);
     return good;
 }
 
@@ -436,7 +446,7 @@ static double lowest_of_all_levels(const struct terrain *terrain)
 }
 
 static bool measure_distortion(struct papers *papers, const struct scene *scene, const struct grid *grid,
-                               int window, double values[2], double moved[2])
+                               int window, double cells[4])
 {
     const struct terrain_info *info = terrain_info(scene->terrain);
     double low_m = lowest_of_all_levels(scene->terrain);
@@ -464,10 +474,10 @@ static bool measure_distortion(struct papers *papers, const struct scene *scene,
         gpu_capture_end(papers->gpu);
         lattice_sort(&d.uniform);
         lattice_sort(&d.drawn);
-        values[0] = grid->apart_px[window];
-        values[1] = fmax(farthest_px(&d.uniform, &d.drawn), farthest_px(&d.drawn, &d.uniform));
-        moved[0] = d.moved ? d.moved_sum / (double)d.moved : (double)NAN;
-        moved[1] = d.moved_max;
+        cells[0] = grid->apart_px[window];
+        cells[1] = fmax(farthest_px(&d.uniform, &d.drawn), farthest_px(&d.drawn, &d.uniform));
+        cells[2] = d.moved ? d.moved_sum / (double)d.moved : (double)NAN;
+        cells[3] = d.moved_max;
     }
     gpu_target_finish(&target);
     lattice_finish(&d.uniform);
@@ -485,15 +495,8 @@ bool papers_pgm_distortion(struct papers *papers, struct papers_table *table)
         papers_column(table, "moved, mean", "px", false);
         papers_column(table, "moved, max", "px", false);
     }
-    struct scene *scene = puget_scene(papers, table);
-    if (!scene) return table->skipped[0] != 0;
-    bool good = true;
-    for (int g = 0; g < GRIDS && good; g++) {
-        double *values = papers_row(table, "%s", grids[g].name);
-        for (int window = 0; window < 2 && good; window++)
-            good = measure_distortion(papers, scene, &grids[g], window, values + (ptrdiff_t)4 * window,
-                                      values + (ptrdiff_t)4 * window + 2);
-    }
+    bool good = measure_grids(papers, table, measure_distortion);
+    if (table->skipped[0]) return good;
     papers_note(
         table,
         "First of each window: the Hausdorff distance between the grid where it was laid and where the "
@@ -501,7 +504,6 @@ bool papers_pgm_distortion(struct papers *papers, struct papers_table *table)
         "height, extended by strips. Two lattices are seldom much farther apart than a cell, so this "
         "hides how far vertices moved, which stands beside it: the printed figures grow with the window "
         "and with the cell alone.");
-    scene_destroy(scene);
     return good;
 }
 
