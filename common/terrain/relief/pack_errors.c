@@ -113,6 +113,29 @@ static int64_t line_error(int64_t a, int64_t b, int64_t cell, const int32_t *fin
     return most;
 }
 
+// The surface over line v of a cell's samples, times 2^level: at u = 0, and its slope.
+struct cell_line {
+    int64_t cell, v;
+    int64_t over[2], under[2]; // over the diagonal, where u < v, and under it
+};
+
+static struct cell_line cell_line_of(int64_t cell, int64_t v, const int32_t *south, const int32_t *north)
+{
+    int64_t sw = south[0], se = south[1], nw = north[0], ne = north[1];
+    return (struct cell_line){
+        cell, v, {sw * cell + v * (nw - sw), ne - nw}, {sw * cell + v * (ne - se), se - sw}};
+}
+
+// Largest error for u in from..to-1; adds the squares.
+static int64_t cell_line_error(const struct cell_line *c, const int32_t *fine, int64_t from, int64_t to,
+                               uint64_t *squares)
+{
+    int64_t middle = larger(smaller(c->v, to), from);
+    int64_t over = line_error(c->over[0], c->over[1], c->cell, fine, from, middle, squares);
+    int64_t under = line_error(c->under[0], c->under[1], c->cell, fine, middle, to, squares);
+    return larger(over, under);
+}
+
 // Largest |surface - level 0| over each cell, edges included, times 2^level; returns the sum of the squares
 // at the region's own samples, which is right up to level REFERENCE.
 static squares_wide cell_errors(const struct surface *s, const struct region *r, int64_t *errors)
@@ -128,25 +151,19 @@ static squares_wide cell_errors(const struct surface *s, const struct region *r,
         const int32_t *fine = patch_at(&r->level[0].decoded, core->x0, y);
         bool own_row = y >= own.y0 && y < own.y1;
         for (int64_t i = 0; i < columns; i++, fine += cell) {
-            int64_t sw = south[i], se = south[i + 1], nw = north[i], ne = north[i + 1];
-            int64_t x = (s->cells.x0 + i) * cell, end = smaller(cell, known->x1 - x),
-                    middle = smaller(v, end);
-            int64_t over = sw * cell + v * (nw - sw), under = sw * cell + v * (ne - se);
+            int64_t x = (s->cells.x0 + i) * cell, end = smaller(cell, known->x1 - x);
+            const struct cell_line c = cell_line_of(cell, v, south + i, north + i);
             uint64_t sum = 0, beyond = 0;
-            int64_t a = line_error(over, ne - nw, cell, fine, 0, middle, &sum);
-            int64_t b = line_error(under, se - sw, cell, fine, middle, end, &sum);
-            a = a > b ? a : b;
+            int64_t most = cell_line_error(&c, fine, 0, end, &sum);
             if (x + cell < known->x1) // the edge to the east, which is the next cell's
-                a = larger(a, line_error(under, se - sw, cell, fine, cell, cell + 1, &beyond));
+                most = larger(most, line_error(c.under[0], c.under[1], cell, fine, cell, cell + 1, &beyond));
             if (x < own.x0 || x + end > own.x1) { // a planet's margin
-                int64_t from = larger(own.x0 - x, 0), to = smaller(own.x1 - x, end);
                 sum = 0;
-                line_error(over, ne - nw, cell, fine, from, smaller(middle, to), &sum);
-                line_error(under, se - sw, cell, fine, larger(middle, from), to, &sum);
+                cell_line_error(&c, fine, larger(own.x0 - x, 0), smaller(own.x1 - x, end), &sum);
             }
             if (own_row) squares += sum;
-            if (j < s->cells.y1) out[i] = a > out[i] ? a : out[i];
-            if (v == 0 && j > s->cells.y0) out[i - columns] = larger(out[i - columns], a);
+            if (j < s->cells.y1) out[i] = larger(out[i], most);
+            if (v == 0 && j > s->cells.y0) out[i - columns] = larger(out[i - columns], most);
         }
     }
     return squares;

@@ -198,6 +198,27 @@ static double level_error_m(const struct relief *relief, int level)
     return most * relief_header(relief)->quantum_m;
 }
 
+static void add_levels(cJSON *root, const struct relief *relief)
+{
+    const struct relief_header *h = relief_header(relief);
+    cJSON *levels = cJSON_AddArrayToObject(root, "levels");
+    for (int l = 0; l < levels_of(relief); l++) {
+        cJSON *item = cJSON_CreateObject();
+        cJSON_AddItemToArray(levels, item);
+        cJSON_AddNumberToObject(item, "level", l);
+        cJSON_AddNumberToObject(item, "width", (double)size_of(h, l, 0));
+        cJSON_AddNumberToObject(item, "height", (double)size_of(h, l, 1));
+        if (relief_level_rms(relief, l) >= 0)
+            cJSON_AddNumberToObject(item, "rms_error_m", relief_level_rms(relief, l) * h->quantum_m);
+        else
+            cJSON_AddNullToObject(item, "rms_error_m"); // the file does not know
+        if (l < relief_grid(relief)->count - 1)
+            cJSON_AddNumberToObject(item, "max_error_m", level_error_m(relief, l));
+        else
+            cJSON_AddNullToObject(item, "max_error_m"); // the base has no tiles
+    }
+}
+
 static void print_info_json(const struct relief *relief, double bytes)
 {
     const struct relief_header *h = relief_header(relief);
@@ -228,22 +249,7 @@ static void print_info_json(const struct relief *relief, double bytes)
     cJSON_AddNumberToObject(root, "bits_per_sample", 8 * (double)relief_sample_bytes(relief) / samples);
     cJSON_AddNumberToObject(root, "rms_m", h->rms_m);
     cJSON_AddNumberToObject(root, "max_m", h->max_m);
-    cJSON *levels = cJSON_AddArrayToObject(root, "levels");
-    for (int l = 0; l < levels_of(relief); l++) {
-        cJSON *item = cJSON_CreateObject();
-        cJSON_AddItemToArray(levels, item);
-        cJSON_AddNumberToObject(item, "level", l);
-        cJSON_AddNumberToObject(item, "width", (double)size_of(h, l, 0));
-        cJSON_AddNumberToObject(item, "height", (double)size_of(h, l, 1));
-        if (relief_level_rms(relief, l) >= 0)
-            cJSON_AddNumberToObject(item, "rms_error_m", relief_level_rms(relief, l) * h->quantum_m);
-        else
-            cJSON_AddNullToObject(item, "rms_error_m"); // the file does not know
-        if (l < grid->count - 1)
-            cJSON_AddNumberToObject(item, "max_error_m", level_error_m(relief, l));
-        else
-            cJSON_AddNullToObject(item, "max_error_m"); // the base has no tiles
-    }
+    add_levels(root, relief);
     char *text = cJSON_Print(root);
     if (text) puts(text);
     cJSON_free(text);
