@@ -246,22 +246,28 @@ cJSON *result_pictures(const struct setting *setting)
     return array;
 }
 
-cJSON *result_run(const struct run *run, struct setting *setting, struct result_summary *summary)
+static void add_text(cJSON *json, const char *key, const char *text) // NULL: null
 {
-    uint64_t seed = (uint64_t)run->options.seed;
-    cJSON *json = cJSON_CreateObject();
-    char path[256];
+    if (text)
+        cJSON_AddStringToObject(json, key, text);
+    else
+        cJSON_AddNullToObject(json, key);
+}
+
+static void add_identity(cJSON *json, const struct setting *setting)
+{
     cJSON_AddStringToObject(json, "id", setting->id);
     cJSON_AddStringToObject(json, "renderer", setting->type->name);
     cJSON_AddStringToObject(json, "summary", setting->type->summary);
     add_setting_json(json, setting);
     cJSON_AddStringToObject(json, "label", setting->id);
-    if (setting->type->quality_knob)
-        cJSON_AddStringToObject(json, "quality_knob", setting->type->quality_knob);
-    else
-        cJSON_AddNullToObject(json, "quality_knob");
+    add_text(json, "quality_knob", setting->type->quality_knob);
     cJSON_AddNumberToObject(json, "frames", setting->frame_count);
     cJSON_AddBoolToObject(json, "uncertain", setting->few_frames);
+}
+
+static void add_all_times(cJSON *json, const struct setting *setting, uint64_t seed)
+{
     add_times(json, "frame_ms", setting, TIME_FRAME, seed);
     add_times(json, "update_ms", setting, TIME_UPDATE, seed);
     add_times(json, "draw_ms", setting, TIME_DRAW, seed);
@@ -276,6 +282,10 @@ cJSON *result_run(const struct run *run, struct setting *setting, struct result_
                       frame_percentile(setting, frame_over_roofline, 990) /
                           frame_percentile(setting, frame_over_roofline, 500));
     result_add_number(json, "fps", 1e3 / mean_of(setting, get_frame_ms));
+}
+
+static void add_amounts(cJSON *json, const struct setting *setting)
+{
     add_mean_max(json, "triangles", setting, get_triangles);
     add_mean_max(json, "visible_triangles", setting, get_visible_triangles);
     add_mean_max(json, "clipped_triangles", setting, get_clipped_triangles);
@@ -283,30 +293,40 @@ cJSON *result_run(const struct run *run, struct setting *setting, struct result_
     add_mean_max(json, "draw_calls", setting, get_draw_calls);
     add_mean_max(json, "upload_bytes", setting, get_upload_bytes);
     cJSON_AddNumberToObject(json, "resident_bytes", (double)setting->resident_bytes);
+}
+
+static void add_temporal(cJSON *run_json, struct setting *setting)
+{
+    struct error_summary s = error_samples_summary(&setting->temporal_px);
+    bool known = setting->measured && s.samples > 0;
+    cJSON *json = cJSON_AddObjectToObject(run_json, "temporal_px");
+    result_add_number(json, "p999", known ? s.p999 : (double)NAN);
+    result_add_number(json, "max", known ? s.max : (double)NAN);
+}
+
+cJSON *result_run(const struct run *run, struct setting *setting, struct result_summary *summary)
+{
+    cJSON *json = cJSON_CreateObject();
+    add_identity(json, setting);
+    add_all_times(json, setting, (uint64_t)run->options.seed);
+    add_amounts(json, setting);
     *summary = (struct result_summary){
         .error_px = add_error(json, "error_px", setting, &setting->error_px),
         .frame_ms = frame_percentile(setting, get_frame_ms, 500),
         .visible_triangles = mean_of(setting, get_visible_triangles),
     };
     add_error(json, "plane_px", setting, &setting->plane_px);
+    bool claims = setting->measured && !isnan(setting->claimed_px);
     result_add_number(json, "claimed_px", setting->claimed_px);
-    result_add_number(json, "claim_broken_frames",
-                      isnan(setting->claimed_px) || !setting->measured ? (double)NAN
-                                                                       : setting->claim_broken_frames);
+    result_add_number(json, "claim_broken_frames", claims ? setting->claim_broken_frames : (double)NAN);
     double tightness = add_tightness(json, setting);
     add_coverage(json, "holes", setting, get_holes);
     add_coverage(json, "misses", setting, get_misses);
     add_coverage(json, "spills", setting, get_spills);
-    struct error_summary temporal = error_samples_summary(&setting->temporal_px);
-    cJSON *temporal_json = cJSON_AddObjectToObject(json, "temporal_px");
-    bool moves_known = setting->measured && temporal.samples > 0;
-    result_add_number(temporal_json, "p999", moves_known ? temporal.p999 : (double)NAN);
-    result_add_number(temporal_json, "max", moves_known ? temporal.max : (double)NAN);
+    add_temporal(json, setting);
     add_counters(json, setting);
-    if (setting->measured)
-        cJSON_AddStringToObject(json, "pictures_sha256", setting->pictures_sha256);
-    else
-        cJSON_AddNullToObject(json, "pictures_sha256");
+    add_text(json, "pictures_sha256", setting->measured ? setting->pictures_sha256 : NULL);
+    char path[256];
     snprintf(path, sizeof path, "frames/%s.csv", setting->slug);
     cJSON_AddStringToObject(json, "frames_csv", path);
     cJSON_AddArrayToObject(json, "pictures"); // filled for the settings that the report shows
