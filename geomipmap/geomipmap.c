@@ -83,6 +83,7 @@ static const double quick_tau[] = {8, 4, 2, 1, 0.5, NAN};
 static const double full_tau[] = {8, 4, 2, 1, 0.5, 0.25, 0.125, NAN};
 
 enum { FIRST_ROOM = 64, PLACES_UNIT = 0, HEIGHTS_UNIT, MORPHS_UNIT };
+enum { NOT_DRAWN = INT32_MAX }; // height of a vertex that the tile's form leaves out
 
 struct texel { // of the places buffer, one a slot
     int32_t cell[2], base, height;
@@ -142,7 +143,7 @@ struct geomipmap {
     int room;                     // slots in `vertices` and `places`
     int tile_vertices;            // in a slot
     int32_t highest_q;            // at least the highest sample of any level
-    size_t vertex_bytes;          // 2, or 4 for terrain whose tiles need more than 16 bits
+    size_t vertex_bytes;          // 2, or 4 since a tile needed more than 16 bits
     struct geomipmap_form *forms; // by slot: of filtered tiles, that of the heights in it
     int form_room;                // slots in it
     uint64_t reformed;    // slots written anew this frame because a neighbour's step changed, or their own
@@ -202,22 +203,59 @@ static void copy_slot(struct geomipmap *g, int from, int to)
     }
 }
 
+// From now on heights take 4 bytes.  What the slots hold stays, above the bases of their tiles.
+static void widen_slots(struct geomipmap *g)
+{
+    GLuint narrow = g->vertices;
+    size_t count = (size_t)g->tile_vertices, bytes = count * sizeof *g->heights_16;
+    g->vertices = 0;
+    g->vertex_bytes = sizeof *g->heights;
+    resize_slots(g, g->room);
+    for (size_t slot = 0; slot < (size_t)g->room; slot++) {
+        glBindBuffer(GL_COPY_READ_BUFFER, narrow);
+        glGetBufferSubData(GL_COPY_READ_BUFFER, (GLintptr)(slot * bytes), (GLsizeiptr)bytes, g->heights_16);
+        for (size_t i = 0; i < count; i++) g->heights[i] = g->heights_16[i];
+        glBindBuffer(GL_COPY_WRITE_BUFFER, g->vertices);
+        gpu_buffer_sub_data(g->gpu, GL_COPY_WRITE_BUFFER, slot * 2 * bytes, 2 * bytes, g->heights);
+    }
+    glDeleteBuffers(1, &narrow);
+}
+
+static struct geomipmap_range heights_range(const struct geomipmap *g)
+{
+    struct geomipmap_range range = {INT32_MAX, INT32_MIN};
+    for (int i = 0; i < g->tile_vertices; i++) {
+        int32_t q = g->heights[i];
+        if (q < range.low) range.low = q;
+        if (q > range.high && q != NOT_DRAWN) range.high = q;
+    }
+    return range;
+}
+
+static void read_tile(struct geomipmap *g, const struct geomipmap_pick *pick)
+{
+    struct geomipmap_form form = geomipmap_pick_form(pick);
+    for (int i = 0; i < g->tile_vertices; i++) g->heights[i] = NOT_DRAWN;
+    geomipmap_tiles_read(&g->tiles, g->reader, pick->place, g->tiles.filtered ? &form : NULL, g->heights);
+}
+
 static void upload_tile(struct geomipmap *g, const struct geomipmap_pick *pick, int slot)
 {
     const struct geomipmap_tiles *tiles = &g->tiles;
     struct geomipmap_place place = pick->place;
     int size = 1 << (tiles->bits + place.height);
     struct texel texel = {.cell = {place.column * size, place.row * size}, .height = place.height};
-    size_t bytes = (size_t)g->tile_vertices * g->vertex_bytes;
     const void *data = g->heights;
-    struct geomipmap_form form = geomipmap_pick_form(pick);
-    for (int i = 0; i < g->tile_vertices; i++) g->heights[i] = INT32_MAX; // those not drawn stay so
-    geomipmap_tiles_read(tiles, g->reader, place, tiles->filtered ? &form : NULL, g->heights);
-    if (tiles->filtered) g->forms[slot] = form;
-    if (!tiles->wide) {
-        texel.base = INT32_MAX;
-        for (int i = 0; i < g->tile_vertices; i++)
-            if (g->heights[i] < texel.base) texel.base = g->heights[i];
+    if (tiles->filtered) g->forms[slot] = geomipmap_pick_form(pick);
+    read_tile(g, pick);
+    struct geomipmap_range range = heights_range(g);
+    if (g->vertex_bytes == 2 && (int64_t)range.high - range.low > UINT16_MAX) {
+        widen_slots(g);
+        read_tile(g, pick);
+    }
+    size_t bytes = (size_t)g->tile_vertices * g->vertex_bytes;
+    if (g->vertex_bytes == 2) {
+        texel.base = range.low;
         for (int i = 0; i < g->tile_vertices; i++) g->heights_16[i] = (uint16_t)(g->heights[i] - texel.base);
         data = g->heights_16;
     }
@@ -842,7 +880,8 @@ static bool init(struct geomipmap *g, const struct renderer_desc *desc)
         return false;
     g->tile_vertices = ((1 << bits) + 1) * ((1 << bits) + 1);
     g->highest_q = geomipmap_tiles_bounds(&g->tiles, (struct geomipmap_place){g->tiles.top, 0, 0}).high;
-    g->vertex_bytes = g->tiles.wide ? sizeof(int32_t) : sizeof(uint16_t);
+    // Programs that morph are made for the one or the other; others follow what is really drawn.
+    g->vertex_bytes = g->choice.morph && g->tiles.wide ? sizeof(int32_t) : sizeof(uint16_t);
     if (!geomipmap_cache_init(&g->cache, most_slots(g, desc->knobs[KNOB_CACHE]), 0) || !allocate(g) ||
         (g->own_shading && !init_shading(g, desc)) || !build_programs(g, desc->effects))
         return false;

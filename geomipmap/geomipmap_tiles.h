@@ -72,7 +72,7 @@ struct geomipmap_tiles {
     int64_t x0, y0;      // south-west sample of the tiles: the map's, or a multiple of every step before it
     double spacing_m[2]; // between its samples
     double quantum_m, offset_m;
-    bool wide; // some tile may span more than 65,535 quanta: its heights need more than 16 bits
+    bool wide; // some tile may span more than 65,535 quanta, by the terrain's bounds
     enum geomipmap_delta delta;
     int threads;
     struct geomipmap_plan plans[GEOMIPMAP_MAX_MERGE + 1]; // by height

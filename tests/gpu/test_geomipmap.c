@@ -650,6 +650,35 @@ static void any_terrain_is_drawn_with_its_own_heights(void **state)
     }
 }
 
+// Heights take 4 bytes from the first tile on that needs them, and the tiles that are there stay what they
+// are.
+static void heights_are_widened_when_a_tile_needs_it(void **state)
+{
+    struct fixture *f = *state;
+    struct test_map tall = hills;
+    tall.quantum_m = 0.001;
+    struct terrain *terrain = test_fractal(&tall, 12);
+    struct renderer *renderer = create(f, terrain, "tau=0.5 merge=0 patch=9");
+    uint64_t seed = 8;
+    struct view wide = random_view(terrain, &seed, 800, 900), narrow = wide;
+    const struct camera down = {{wide.eye_m[0], wide.eye_m[1], wide.eye_m[2]}, 0, -1.5, 0, 0.1};
+    view_init(&narrow, terrain, &down, WIDTH, HEIGHT, 0);
+    const struct camera ahead = {{wide.eye_m[0], wide.eye_m[1], wide.eye_m[2]}, 0.7, -0.5, 0, 1.5};
+    view_init(&wide, terrain, &ahead, WIDTH, HEIGHT, 0);
+    update(renderer, &narrow, 1);
+    assert_true(counter(renderer, "height_bytes") == 2);
+    uint64_t expected = draw_hash(f, renderer, terrain, &narrow, 0);
+    update(renderer, &wide, 1);
+    assert_true(counter(renderer, "height_bytes") == 4);
+    struct mesh mesh = capture(f, renderer, terrain, &wide, 0);
+    check_vertices(terrain, &wide, &mesh);
+    free(mesh.vertices);
+    update(renderer, &narrow, 1);
+    assert_true(draw_hash(f, renderer, terrain, &narrow, 0) == expected);
+    geomipmap_renderer.destroy(renderer);
+    terrain_destroy(terrain);
+}
+
 // The paper's figure, less than 2.5 bytes a sample for all but the terrain itself: tiles, index sets, lists
 // and the heights of every tile in use.
 static void tiles_fit_the_bytes_a_sample_of_the_paper(void **state)
@@ -980,6 +1009,7 @@ int main(void)
         cmocka_unit_test(claim_holds_and_nothing_is_left_out),
         cmocka_unit_test(flat_ground_is_exact_and_cheap),
         cmocka_unit_test(any_terrain_is_drawn_with_its_own_heights),
+        cmocka_unit_test(heights_are_widened_when_a_tile_needs_it),
         cmocka_unit_test(tiles_fit_the_bytes_a_sample_of_the_paper),
         cmocka_unit_test(late_tiles_leave_no_crack),
         cmocka_unit_test(estimates_claim_nothing),
