@@ -76,10 +76,9 @@ static size_t count_open(const struct terrain *terrain, const struct view *view,
 }
 
 // Every edge that can be seen is gone along as often one way as the other, with the same bits at its ends.
-static void the_mesh_is_closed(void **state)
+static void expect_closed(int finer)
 {
-    (void)state;
-    struct terrain *terrain = test_planet(COLUMNS, 4000, 5, 0);
+    struct terrain *terrain = test_planet(COLUMNS >> finer, 4000, 5, finer);
     struct facets facets = {0};
     struct facet_rises rises = {0};
     assert_true(facet_rises_init(&rises, terrain));
@@ -96,12 +95,20 @@ static void the_mesh_is_closed(void **state)
         free(there);
         free(back);
     }
-    FIGURE("facets of %d views, up to %zu triangles: %zu open edges", PLACES_COUNT, most, open);
+    FIGURE("facets of %d views, %d finer levels, up to %zu triangles: %zu open edges", PLACES_COUNT, finer,
+           most, open);
     assert_int_equal(open, 0);
     assert_true(most > 10 * COLUMNS * COLUMNS); // they were split
     facets_finish(&facets);
     facet_rises_finish(&rises);
     terrain_destroy(terrain);
+}
+
+static void the_mesh_is_closed(void **state)
+{
+    (void)state;
+    expect_closed(0);
+    expect_closed(2); // cells of several columns beside cells half as wide
 }
 
 // Somewhere in a triangle, against the truth at that place.
