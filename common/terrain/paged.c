@@ -54,29 +54,32 @@ static struct bounds stored_tile(const struct paged *p, int level, int64_t tx, i
                            paged_limit((int64_t)high * (1 << p->bits))};
 }
 
-// Of tile (tx, ty) with what continues it beyond the last stored column and row, in quanta.
-static struct bounds tile_bounds(const struct paged *p, int level, int64_t tx, int64_t ty)
+// Of tile (tx, ty), in quanta, up to sample `to`, which may lie beyond the last stored column and row.  Those
+// beyond go on along the line through the last two, which the tile before the last may have: 2 a - b along x,
+// then along y of what that gave.
+static struct bounds tile_bounds(const struct paged *p, int level, int64_t tx, int64_t ty,
+                                 const int64_t to[2])
 {
-    const struct paged_map *map = paged_map(p, level);
-    const int64_t at[2] = {tx, ty}, *tiles = p->grid->tiles[level];
-    struct bounds bounds = stored_tile(p, level, tx, ty);
-    for (int axis = 0; axis < 2; axis++) {
-        if (map->size[axis] == map->stored[axis] || at[axis] + 1 < tiles[axis]) continue;
-        // The last tile may have a single column, which is continued from the tile before.
-        if (at[axis] > 0) bounds = both(bounds, stored_tile(p, level, tx - (axis == 0), ty - (axis == 1)));
-        bounds = continued(bounds);
-    }
+    const int64_t *stored = paged_map(p, level)->stored, *tiles = p->grid->tiles[level];
+    bool beyond[2] = {to[0] >= stored[0] && tx + 1 == tiles[0], to[1] >= stored[1] && ty + 1 == tiles[1]};
+    struct bounds bounds = {INT32_MAX, INT32_MIN};
+    for (int64_t y = larger(ty - beyond[1], 0); y <= ty; y++)
+        for (int64_t x = larger(tx - beyond[0], 0); x <= tx; x++)
+            bounds = both(bounds, stored_tile(p, level, x, y));
+    for (int axis = 0; axis < 2; axis++)
+        if (beyond[axis]) bounds = continued(bounds);
     return bounds;
 }
 
 static struct bounds tiles_bounds(const struct paged *p, int level, int64_t x0, int64_t y0, int64_t x1,
-                                  int64_t y1)
+                                  int64_t y1, const int64_t to[2])
 {
     struct bounds bounds = {INT32_MAX, INT32_MIN};
     x1 = smaller(x1, p->grid->tiles[level][0] - 1);
     y1 = smaller(y1, p->grid->tiles[level][1] - 1);
     for (int64_t y = smaller(y0, y1); y <= y1; y++)
-        for (int64_t x = smaller(x0, x1); x <= x1; x++) bounds = both(bounds, tile_bounds(p, level, x, y));
+        for (int64_t x = smaller(x0, x1); x <= x1; x++)
+            bounds = both(bounds, tile_bounds(p, level, x, y, to));
     return bounds;
 }
 
@@ -88,7 +91,8 @@ struct leaf {
 static void node_leaf(const void *user, int64_t i, int64_t j, int32_t *min_q, int32_t *max_q)
 {
     const struct leaf *leaf = user;
-    struct bounds b = tiles_bounds(leaf->paged, leaf->level, 2 * i, 2 * j, 2 * i + 1, 2 * j + 1);
+    const int64_t *size = paged_map(leaf->paged, leaf->level)->size, end[2] = {size[0] - 1, size[1] - 1};
+    struct bounds b = tiles_bounds(leaf->paged, leaf->level, 2 * i, 2 * j, 2 * i + 1, 2 * j + 1, end);
     *min_q = paged_limit(b.low);
     *max_q = paged_limit(b.high);
 }
@@ -112,7 +116,7 @@ static struct bounds stored_bounds(const struct paged *p, int level, const int64
     if (!has_tiles(p, level)) return (struct bounds){map->min_q, map->max_q};
     int64_t last[2] = {larger(to[0] - 1, from[0]) / TILE, larger(to[1] - 1, from[1]) / TILE};
     if (last[0] - from[0] / TILE < FEW_TILES && last[1] - from[1] / TILE < FEW_TILES)
-        return tiles_bounds(p, level, from[0] / TILE, from[1] / TILE, last[0], last[1]);
+        return tiles_bounds(p, level, from[0] / TILE, from[1] / TILE, last[0], last[1], to);
     int32_t low, high;
     extrema_bounds(&map->extrema, NULL, 0, from, to, &low, &high);
     return (struct bounds){low, high};

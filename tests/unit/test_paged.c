@@ -17,9 +17,9 @@
 #include <stdatomic.h>
 #include <string.h>
 
-static const int SIZES[][2] = {{1, 1},    {1, 2},     {2, 2},   {3, 3},   {1, 50},    {77, 1},
-                               {9, 8},    {2, 65},    {64, 64}, {65, 65}, {128, 129}, {129, 66},
-                               {675, 18}, {200, 257}, {256, 2}, {66, 66}, {130, 64},  {385, 390}};
+static const int SIZES[][2] = {{1, 1},   {1, 2},   {2, 2},    {3, 3},     {1, 50},   {77, 1},   {9, 8},
+                               {2, 65},  {64, 64}, {65, 65},  {128, 129}, {129, 66}, {675, 18}, {200, 257},
+                               {256, 2}, {66, 66}, {130, 64}, {385, 390}, {130, 130}};
 enum { SIZE_COUNT = sizeof SIZES / sizeof *SIZES, BLOCK = PAGED_BLOCK };
 #define ONE_BLOCK ((uint64_t)1) // the least ceiling: one block is kept
 
@@ -138,6 +138,58 @@ static void test_levels_are_those_of_the_file(void **state)
             terrain_destroy(small);
             relief_close(relief);
         }
+}
+
+// What goes on beyond the last stored samples counts only where it is meant: else a tile is bounded as its
+// file tells, the last ones, too.
+static void test_bounds_end_with_the_stored_samples(void **state)
+{
+    (void)state;
+    int continued = 0;
+    for (int n = 0; n < SIZE_COUNT; n++) {
+        pack(SIZES[n][0], SIZES[n][1], LAYOUT_WAVELET, 2, "bounds.relief");
+        struct relief *relief = relief_open(in_folder("bounds.relief"));
+        struct terrain *terrain = load("bounds.relief", (struct terrain_options){0});
+        const struct grid *grid = relief_grid(relief);
+        for (int l = 0; l < grid->count - 1; l++)
+            for (int64_t t = 0; t < grid->tiles[l][0] * grid->tiles[l][1]; t++) {
+                int64_t x = t % grid->tiles[l][0] * LAYOUT_SAMPLES,
+                        y = t / grid->tiles[l][0] * LAYOUT_SAMPLES;
+                int64_t x1 = clamp(x + LAYOUT_SAMPLES - 1, 0, grid->size[l][0] - 1),
+                        y1 = clamp(y + LAYOUT_SAMPLES - 1, 0, grid->size[l][1] - 1);
+                int32_t low, high, tile_low, tile_high;
+                relief_bounds(relief, grid->first_tile[l] + t, &tile_low, &tile_high);
+                terrain_bounds(terrain, l, x, y, x1, y1, &low, &high);
+                assert_true(low == tile_low && high == tile_high);
+                continued += terrain_level(terrain, l).extent.x1 > x1 + 1 && x1 + 1 == grid->size[l][0];
+            }
+        terrain_destroy(terrain);
+        relief_close(relief);
+    }
+    assert_true(continued > 0);
+}
+
+// Where the last tile of a level has a single sample, the corner beyond it follows from three other tiles:
+// here from a peak in the one across.
+static void test_corners_are_bounded_by_all_they_follow_from(void **state)
+{
+    (void)state;
+    enum { SIDE = 130, PEAK = 126, CORNER = 65 };
+    struct heightfield field = test_field("peak", SIDE, SIDE);
+    for (int k = 0; k < SIDE * SIDE; k++) field.samples[k] = k == PEAK * SIDE + PEAK ? 1000 : 0;
+    struct relief_pack_options options = {.layout = LAYOUT_BOUNDED};
+    struct relief_header header;
+    assert_true(relief_pack(&field, &options, in_folder("peak.relief"), &header));
+    heightfield_finish(&field);
+    struct terrain *terrain = load("peak.relief", (struct terrain_options){0});
+    int32_t corner, low, high;
+    terrain_window(terrain, 1, CORNER, CORNER, 1, 1, &corner, TERRAIN_WAIT);
+    assert_true(abs(corner) >= 1000);
+    terrain_bounds(terrain, 1, CORNER, CORNER, CORNER, CORNER, &low, &high);
+    assert_true(low <= corner && corner <= high);
+    struct terrain_level level = terrain_level(terrain, 1);
+    assert_true(level.min_q <= corner && corner <= level.max_q);
+    terrain_destroy(terrain);
 }
 
 // ---- what a level differs from the finest ----------------------------------
@@ -671,6 +723,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_levels_are_those_of_the_file),
+        cmocka_unit_test(test_bounds_end_with_the_stored_samples),
+        cmocka_unit_test(test_corners_are_bounded_by_all_they_follow_from),
         cmocka_unit_test(test_errors_are_not_exceeded),
         cmocka_unit_test(test_estimates_are_told),
         cmocka_unit_test(test_levels_of_older_files_are_measured),
