@@ -33,16 +33,6 @@ static char *read_file(const char *path)
     return text;
 }
 
-static void write_file(const char *name, const char *text)
-{
-    char path[512];
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    FILE *file = fopen(path, "wb");
-    assert_non_null(file);
-    fputs(text, file);
-    fclose(file);
-}
-
 // Runs `$RELIEF_BUILD/<command>` in the test's folder; %s in the command stands for that folder.
 static int run(const char *format, ...)
 {
@@ -102,7 +92,7 @@ static void write_terrain(const char *name, double (*height)(int i, int j), doub
              "\"height_offset\": %.17g, "
              "\"nodata\": null, \"spacing_m\": [20, 25]}",
              name, SIDE, SIDE, scale, offset);
-    write_file(path, sidecar);
+    write_text(path, sidecar);
 }
 
 static double flat_0(int i, int j)
@@ -160,19 +150,19 @@ static void test_bad_input_is_one_line(void **state)
     (void)state;
     char path[512];
     const char *f = folder;
-    write_file("short.png", "\x89PNG\r\n\x1a\n");
-    write_file("short.json",
+    write_text("short.png", "\x89PNG\r\n\x1a\n");
+    write_text("short.json",
                "{\"width\": 4, \"height\": 4, \"height_scale\": 1, \"height_offset\": 0, \"spacing_m\": 1}");
     snprintf(path, sizeof path, "cp %s/hills.png %s/wrong.png", f, f);
     assert_int_equal(system(path), 0);
-    write_file(
+    write_text(
         "wrong.json",
         "{\"width\": 128, \"height\": 129, \"height_scale\": 0.1, \"height_offset\": 0, \"spacing_m\": 20}");
-    write_file("unknown.json", "{\"name\": \"x\", \"terrain\": \"hills.png\", \"fog\": true}");
-    write_file("nokeys.json", "{\"name\": \"x\", \"terrain\": \"hills.png\", \"path\": {\"keys\": []}}");
-    write_file("broken.json", "{\"name\": ");
-    write_file("noterrain.json", "{\"name\": \"x\", \"terrain\": \"nowhere.png\"}");
-    write_file("afile", "");
+    write_text("unknown.json", "{\"name\": \"x\", \"terrain\": \"hills.png\", \"fog\": true}");
+    write_text("nokeys.json", "{\"name\": \"x\", \"terrain\": \"hills.png\", \"path\": {\"keys\": []}}");
+    write_text("broken.json", "{\"name\": ");
+    write_text("noterrain.json", "{\"name\": \"x\", \"terrain\": \"nowhere.png\"}");
+    write_text("afile", "");
     assert_one_line(run("bench run --terrain %s/missing.png --out %s/bad", f, f), EXIT_WORLD, "missing.png");
     assert_one_line(run("bench run --terrain %s/short.png --out %s/bad", f, f), EXIT_WORLD, "short.png");
     assert_one_line(run("bench run --terrain %s/wrong.png --out %s/bad", f, f), EXIT_WORLD, "wrong.");

@@ -36,19 +36,6 @@ static struct heightfield hills(int width, int height, uint64_t seed)
     return field;
 }
 
-static uint8_t *file_of(const char *name, size_t *size)
-{
-    FILE *file = fopen(in_folder(name), "rb");
-    assert_non_null(file);
-    fseek(file, 0, SEEK_END);
-    *size = (size_t)ftell(file);
-    rewind(file);
-    uint8_t *data = malloc(*size + 1);
-    assert_int_equal(fread(data, 1, *size, file), *size);
-    fclose(file);
-    return data;
-}
-
 static void assert_same_files(const char *a, const char *b)
 {
     size_t sizes[2];
@@ -156,19 +143,6 @@ static void test_threads_and_regions_do_not_show(void **state)
 }
 
 // ---- sources ---------------------------------------------------------------
-
-static void write_file(const char *name, const void *data, size_t size)
-{
-    FILE *file = fopen(in_folder(name), "wb");
-    assert_non_null(file);
-    assert_int_equal(fwrite(data, 1, size, file), size);
-    fclose(file);
-}
-
-static void write_text(const char *name, const char *text)
-{
-    write_file(name, text, strlen(text));
-}
 
 enum { MAP_SIDE = 640, ROOMY_MEMORY = 1 << 30 };
 

@@ -325,14 +325,6 @@ static void test_planets_in_memory_take_little_beside_their_samples(void **state
     heightfield_finish(&field);
 }
 
-static void write_text(const char *name, const char *text)
-{
-    FILE *file = fopen(in_folder(name), "w");
-    assert_non_null(file);
-    assert_true(fputs(text, file) >= 0);
-    assert_int_equal(fclose(file), 0);
-}
-
 // A made planet: the same from any window, and it goes on over the seam as over any other column.
 static void test_a_made_planet_has_no_seam(void **state)
 {

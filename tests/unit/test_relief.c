@@ -458,19 +458,6 @@ static void test_terrain_flies_it(void **state)
 
 // ---- harm ------------------------------------------------------------------
 
-static uint8_t *read_file(const char *name, size_t *size)
-{
-    FILE *file = fopen(in_folder(name), "rb");
-    assert_non_null(file);
-    fseek(file, 0, SEEK_END);
-    *size = (size_t)ftell(file);
-    rewind(file);
-    uint8_t *data = malloc(*size);
-    assert_int_equal(fread(data, 1, *size, file), *size);
-    fclose(file);
-    return data;
-}
-
 // Files in memory, written again for each case: on a disk, truncating and rewriting one waits for the disk.
 struct harm {
     int file, lines; // what is loaded, by the name harmed.relief in the folder; what stderr is told
@@ -527,7 +514,7 @@ static void test_harmed_files_are_refused(void **state)
         pack(&field, layout, 4, "whole.relief");
         heightfield_finish(&field);
         size_t size;
-        uint8_t *data = read_file("whole.relief", &size);
+        uint8_t *data = file_of("whole.relief", &size);
         size_t step = (size_t)test_size(7, 1);
         for (size_t cut = 0; cut < size; cut += step) { // truncated
             assert_int_equal(lines_of_refusal(&harm, data, cut), 1);

@@ -282,18 +282,10 @@ static cJSON *make_results(void)
 
 // ---- the folder ----------------------------------------------------------------------------------
 
-static void write_file(const char *name, const char *content)
-{
-    FILE *file = fopen(in_folder(name), "wb");
-    assert_non_null(file);
-    fputs(content, file);
-    fclose(file);
-}
-
 static void write_results(const cJSON *root)
 {
     char *content = cJSON_Print(root);
-    write_file("results.json", content);
+    write_text("results.json", content);
     free(content);
 }
 
@@ -998,12 +990,12 @@ static void broken_input_is_one_line_and_no_page(void **state)
     assert_int_equal(lines_of_refusal(folder), 1); // no results.json
     assert_int_equal(lines_of_refusal(in_folder("nowhere")), 1);
     for (size_t i = 0; i < sizeof broken / sizeof broken[0]; i++) {
-        write_file("results.json", broken[i]);
+        write_text("results.json", broken[i]);
         assert_int_equal(lines_of_refusal(folder), 1);
         assert_int_not_equal(access(in_folder("index.html"), F_OK), 0);
         assert_int_not_equal(access(in_folder("figures"), F_OK), 0);
     }
-    write_file("figures", "a file where the folder belongs");
+    write_text("figures", "a file where the folder belongs");
     cJSON *root = make_results();
     write_results(root);
     cJSON_Delete(root);

@@ -10,14 +10,6 @@
 #include <string.h>
 #include <sys/stat.h>
 
-static void write_text(const char *name, const char *text)
-{
-    FILE *file = fopen(in_folder(name), "w");
-    assert_non_null(file);
-    fputs(text, file);
-    fclose(file);
-}
-
 // Loads a scene with that text; what is said on stderr lands in said[].
 static struct scene *load(const char *text, const char *terrain_file, char said[2048])
 {

@@ -13,19 +13,6 @@
 #include <sys/stat.h>
 #include <sys/wait.h>
 
-static void write_bytes(const char *name, const void *data, size_t size)
-{
-    FILE *file = fopen(in_folder(name), "wb");
-    assert_non_null(file);
-    assert_int_equal(fwrite(data, 1, size, file), size);
-    fclose(file);
-}
-
-static void write_text(const char *name, const char *text)
-{
-    write_bytes(name, text, strlen(text));
-}
-
 // ---- stderr, kept ----------------------------------------------------------
 
 static int kept_stderr;
@@ -131,7 +118,7 @@ static void srtm_tiles(void **state)
         data[2 * i] = (unsigned char)(height >> 8 & 0xff);
         data[2 * i + 1] = (unsigned char)(height & 0xff);
     }
-    write_bytes("N47W122.hgt", data, sizeof data);
+    write_file("N47W122.hgt", data, sizeof data);
     struct terrain *terrain = taken("N47W122.hgt", 1); // a void
     const struct terrain_info *info = terrain_info(terrain);
     assert_int_equal(info->voids_filled, 1);
@@ -141,16 +128,16 @@ static void srtm_tiles(void **state)
     assert_true(fabs(info->spacing_m[0] / info->spacing_m[1] - cos(47.5 * 3.14159265358979323846 / 180)) <
                 1e-12);
     terrain_destroy(terrain);
-    write_bytes("s01e010.hgt", data, sizeof data);
+    write_file("s01e010.hgt", data, sizeof data);
     terrain = taken("s01e010.hgt", 1);
     assert_true(fabs(terrain_info(terrain)->spacing_m[0] / terrain_info(terrain)->spacing_m[1] -
                      cos(0.5 * 3.14159265358979323846 / 180)) < 1e-12);
     terrain_destroy(terrain);
-    write_bytes("tile.hgt", data, sizeof data);
+    write_file("tile.hgt", data, sizeof data);
     terrain = taken("tile.hgt", 2); // a void, and no latitude
     assert_true(terrain_info(terrain)->spacing_m[0] == terrain_info(terrain)->spacing_m[1]);
     terrain_destroy(terrain);
-    write_bytes("N01E001.hgt", data, sizeof data - 2);
+    write_file("N01E001.hgt", data, sizeof data - 2);
     refused("N01E001.hgt", "N01E001.hgt", "square");
 }
 
@@ -159,7 +146,7 @@ static void raw_files(void **state)
     (void)state;
     const unsigned char words[8] = {0x01, 0x02, 0xff, 0xfe,
                                     0xd8, 0xf1, 0x00, 0x80}; // 0xd8f1: -9999; 0x8000: -32768
-    write_bytes("r.raw", words, sizeof words);
+    write_file("r.raw", words, sizeof words);
     write_text("r.json", "{\"width\": 2, \"height\": 2, \"dtype\": \"uint16\", \"spacing_m\": 5}");
     struct terrain *terrain = taken("r.raw", 0);
     assert_true(height_at(terrain, 0, 0) == 0x0201 && height_at(terrain, 1, 1) == 0x8000);
@@ -175,7 +162,7 @@ static void raw_files(void **state)
 
     float floats[12] = {0,         1.25f, -430,   8848.86f,       NAN,   INFINITY,
                         -INFINITY, -9999, -32768, -3.4028235e38f, 12345, 0.5f};
-    write_bytes("f.raw", floats, sizeof floats);
+    write_file("f.raw", floats, sizeof floats);
     write_text("f.json",
                "{\"width\": 4, \"height\": 3, \"dtype\": \"float32\", \"spacing_m\": 5, \"nodata\": 12345}");
     terrain = taken("f.raw", 1);
@@ -333,17 +320,17 @@ static void bad_pngs(void **state)
     write_text("cut.json", "{\"spacing_m\": 30}");
     int cuts = 0;
     for (size_t length = 0; length < size; length += (size_t)test_size(97, 1), cuts++) {
-        write_bytes("cut.png", data, length);
+        write_file("cut.png", data, length);
         refused("cut.png", "cut.png", "PNG");
     }
-    write_bytes("cut.png", data, size - 1); // the last byte counts too
+    write_file("cut.png", data, size - 1); // the last byte counts too
     refused("cut.png", "cut.png", "PNG");
     int harmed = 0;
     for (size_t at = 0; at < size;
          at += (size_t)test_size(97, 7)) { // one byte changed: refused, or a chunk that no height needs
         memcpy(cut, data, size);
         cut[at] ^= 0x55;
-        write_bytes("cut.png", cut, size);
+        write_file("cut.png", cut, size);
         char text[4096];
         hold_stderr();
         struct terrain *terrain = load("cut.png");
@@ -401,7 +388,7 @@ static void bad_sidecars(void **state)
         write_text("b.json", BAD[i].text);
         refused("b.png", "/b.", BAD[i].word);
     }
-    write_bytes("c.raw", samples, sizeof samples);
+    write_file("c.raw", samples, sizeof samples);
     refused("c.raw", "c.raw", "needs the sidecar");
     write_text("c.json", "{\"spacing_m\": 30, \"width\": 3, \"height\": 2}");
     refused("c.raw", "c.raw", "dtype");
@@ -448,8 +435,8 @@ static void mutated_files(void **state) // whatever a file holds: a terrain, or 
                 (char)(test_random(&random) % 2 ? test_random(&random) % 128
                                                 : '0' + test_random(&random) % 10);
         size_t cut = n % 5 ? sizeof side - 1 : test_random(&random) % sizeof side;
-        write_bytes("m.raw", data, n % 7 ? sizeof data : test_random(&random) % sizeof data);
-        write_bytes("m.json", side, cut);
+        write_file("m.raw", data, n % 7 ? sizeof data : test_random(&random) % sizeof data);
+        write_file("m.json", side, cut);
         hold_stderr();
         struct terrain *terrain = load("m.raw");
         int lines = release_stderr(text, sizeof text);
