@@ -124,7 +124,7 @@ static void planets_are_flown_in_little_memory(void **state)
         char path[1024], words[512];
         if (!test_data(PLANETS[k].terrain, path) || !test_data(PLANETS[k].colour, path)) return;
         snprintf(words, sizeof words,
-                 "--scene bench/scenes/%s.json --frames %d --look 8 --renderers clipmap:n=127",
+                 "--scene bench/scenes/%s.json --frames %d --look 8 --search 4 --renderers clipmap:n=127",
                  PLANETS[k].scene, test_size(4, 48));
         struct flown flown = fly(words);
         FIGURE("%s at the scene's size: process %.0f MiB, terrain %.1f, holes %llu of %llu pixels",
