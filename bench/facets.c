@@ -26,8 +26,9 @@ struct making {
     int64_t first;   // column
     double sag;      // metres a metre of distance
     const struct facet_rises *rises;
-    const struct corner *fan; // at a pole: south-west and south-east, or north-west and north-east; else NULL
-    double pole_m;            // the pole's height, of a fan
+    // West and east corners of a cell that is bilinear: at a pole, or several columns wide (terrain.h); else
+    // NULL.
+    const struct corner *south, *north;
     size_t most_bytes;
     bool failed;
 };
@@ -105,27 +106,33 @@ static double sag_of(const struct making *m, const struct corner *a, const struc
     return fmin(all, fabs(out) + aside * slope_beside(m, a, b));
 }
 
-// Height of a fan over a place of its cell, in columns and rows.
-static double fan_height(const struct making *m, const double place[2])
+// Height of a bilinear cell over a place, in columns and rows.
+static double bilinear_height(const struct making *m, const double place[2])
 {
-    const struct corner *base = m->fan;
-    double wide = base[1].place[0] - base[0].place[0];
-    double u = (place[0] - base[0].place[0]) / wide, v = fabs(place[1] - base[0].place[1]);
-    return (1 - v) * ((1 - u) * base[0].height_m + u * base[1].height_m) + v * m->pole_m;
+    const struct corner *south = m->south, *north = m->north;
+    double u = (place[0] - south[0].place[0]) / (south[1].place[0] - south[0].place[0]),
+           v = place[1] - south->place[1];
+    return (1 - v) * ((1 - u) * south[0].height_m + u * south[1].height_m) +
+           v * ((1 - u) * north[0].height_m + u * north[1].height_m);
 }
 
-// Only the fan itself has such an edge: it is neither a meridian nor the row where the fan begins.
-static bool is_inside_fan(const struct making *m, const struct corner *a, const struct corner *b)
+static bool is_side(const struct making *m, const struct corner *a, const struct corner *b)
 {
-    if (!m->fan || is_pole(m, a) || is_pole(m, b) || a->place[0] == b->place[0]) return false;
-    return a->place[1] != m->fan->place[1] || b->place[1] != m->fan->place[1];
+    return a->place[1] == b->place[1] &&
+           (a->place[1] == m->south->place[1] || a->place[1] == m->north->place[1]);
 }
 
-// How far the middle of an edge inside a fan is above or below it.  A bound of slopes would split edges along
-// the parallel, again and again, and leave slivers metres long and millimetres wide, inside which rasterisers
-// interpolate badly.
-static double fan_gap(const struct making *m, const struct corner *a, const struct corner *b,
-                      const struct corner *middle)
+// Only the cell itself has such an edge: it is neither a meridian nor on the rows that bound it.
+static bool is_inside_bilinear(const struct making *m, const struct corner *a, const struct corner *b)
+{
+    return m->south && !is_pole(m, a) && !is_pole(m, b) && a->place[0] != b->place[0] && !is_side(m, a, b);
+}
+
+// How far the middle of an edge inside a bilinear cell is above or below it.  A bound of slopes would split
+// edges along the parallel, again and again, and leave slivers metres long and millimetres wide, inside which
+// rasterisers interpolate badly.
+static double bilinear_gap(const struct making *m, const struct corner *a, const struct corner *b,
+                           const struct corner *middle)
 {
     double relative[3], world[3], turn = (double)m->size[0];
     for (int axis = 0; axis < 3; axis++) relative[axis] = 0.5 * (a->relative[axis] + b->relative[axis]);
@@ -134,18 +141,16 @@ static double fan_gap(const struct making *m, const struct corner *a, const stru
     double place[2] = {atan2(world[1], world[0]) / m->step[0] - (double)m->first,
                        atan2(world[2], across) / m->step[1] + 0.5 * (double)m->size[1]};
     place[0] += turn * round((middle->place[0] - place[0]) / turn);
-    return fabs(hypot(across, world[2]) - m->info->radius_m - fan_height(m, place));
+    return fabs(hypot(across, world[2]) - m->info->radius_m - bilinear_height(m, place));
 }
 
-// Heights are linear along an edge, but not across the fan of a cell at a pole (terrain.h).  What fans share
-// is the same number from both sides: u and v are 0 or 1 there, or it is the row where the fan begins.
+// Heights are linear along an edge, but not across a bilinear cell.  What such cells share is the same number
+// from both sides: u is 0 or 1 there, or it is on a row that bounds them.
 static double middle_height(const struct making *m, const struct corner *a, const struct corner *b,
                             const struct corner *middle)
 {
-    const struct corner *base = m->fan;
-    double mean_m = 0.5 * (a->height_m + b->height_m);
-    if (!base || (a->place[1] == base->place[1] && b->place[1] == base->place[1])) return mean_m;
-    return fan_height(m, middle->place);
+    if (!m->south || is_side(m, a, b)) return 0.5 * (a->height_m + b->height_m);
+    return bilinear_height(m, middle->place);
 }
 
 // The triangles at an edge that is their longest reach no farther from its middle than it is long; those
@@ -160,7 +165,7 @@ static bool is_split(const struct making *m, const struct corner *a, const struc
     middle->height_m = middle_height(m, a, b, middle);
     set_relative(m, middle);
     for (int axis = 0; axis < 3; axis++) chord[axis] = b->relative[axis] - a->relative[axis];
-    double sag = is_inside_fan(m, a, b) ? fan_gap(m, a, b, middle) : sag_of(m, a, b, middle);
+    double sag = is_inside_bilinear(m, a, b) ? bilinear_gap(m, a, b, middle) : sag_of(m, a, b, middle);
     return sag > sag_allowed(m, length_of(middle->relative) - length_of(chord));
 }
 
@@ -336,7 +341,8 @@ static bool is_whole(const struct making *m, const struct block *block)
     double along_east = r * turn * east + 2 * rise_m * east,
            along_north = r * north * north + 2 * rise_m * north;
     double both = rise_m * (north + east) + r * turn * north;
-    if (block->from[1] == 0 || block->to[1] == m->size[1]) both += rise_m; // fans
+    if (block->wide > 1) both += 2 * rise_m; // the corners of a bilinear cell against each other
+    if (block->from[1] == 0 || block->to[1] == m->size[1]) both += rise_m; // of a fan two are one
     double cell_m = 1.5 * (r * hypot(east, north) + rise_m);
     double most = 1.01 / 8 * (along_east + 2 * both + along_north);
     return most < sag_allowed(m, length_of(block->middle) - block->reach_m - cell_m);
@@ -365,8 +371,9 @@ static void add_cell(struct making *m, bool whole, const bool halved[2], const s
                      const struct corner north[2])
 {
     bool south_pole = is_pole(m, south), north_pole = is_pole(m, north);
-    m->fan = south_pole ? north : north_pole ? south : NULL;
-    m->pole_m = (south_pole ? south : north)->height_m;
+    bool bilinear = south_pole || north_pole || south[1].place[0] - south[0].place[0] > 1;
+    m->south = bilinear ? south : NULL;
+    m->north = bilinear ? north : NULL;
     const struct corner *sw = south, *se = south + 1, *nw = north, *ne = north_pole ? north : north + 1;
     if (!south_pole && halved[0]) {
         struct corner middle = middle_of(m, south);

@@ -35,7 +35,7 @@ struct sphere_view {
 
 struct sphere_program {
     struct gpu_program program;
-    GLint heights, whole, windows, grids, polar_rows, viewer, pattern, polar;
+    GLint heights, whole, windows, grids, bilinear_rows, viewer, pattern, polar;
 };
 
 struct refilling {
@@ -73,7 +73,7 @@ static bool build_program(struct clipmap_sphere *s, struct sphere_program *p, co
     p->whole = glGetUniformLocation(name, "whole");
     p->windows = glGetUniformLocation(name, "windows");
     p->grids = glGetUniformLocation(name, "grids");
-    p->polar_rows = glGetUniformLocation(name, "polar_rows");
+    p->bilinear_rows = glGetUniformLocation(name, "bilinear_rows");
     p->viewer = glGetUniformLocation(name, "viewer");
     p->pattern = glGetUniformLocation(name, "pattern");
     p->polar = glGetUniformLocation(name, "polar");
@@ -316,19 +316,19 @@ static void set_uniforms(const struct clipmap_sphere *s, const struct sphere_pro
 {
     GLint windows[SPHERE_MAX_LEVELS][4] = {{0}};
     GLfloat grids[SPHERE_MAX_LEVELS][4] = {{0}};
-    GLint polar_rows[SPHERE_MAX_LEVELS][2] = {{0}};
+    GLint bilinear_rows[SPHERE_MAX_LEVELS][2] = {{0}};
     const double *place = own->view.eye_place;
     double latitude = place[1] / s->shape.radius_m;
     for (int k = 0; k < s->layers; k++) {
         sphere_window_uniforms(&s->shape, s->shape.finest + k, &own->stores[k].held, place, windows[k],
                                grids[k]);
-        sphere_polar_rows(&s->shape, s->shape.finest + k, place, polar_rows[k]);
+        sphere_bilinear_rows(&s->shape, s->shape.finest + k, place, bilinear_rows[k]);
     }
     glUniform1i(p->heights, HEIGHTS_UNIT);
     glUniform1i(p->whole, WHOLE_UNIT);
     glUniform4iv(p->windows, s->layers, &windows[0][0]);
     glUniform4fv(p->grids, s->layers, &grids[0][0]);
-    glUniform2iv(p->polar_rows, s->layers, &polar_rows[0][0]);
+    glUniform2iv(p->bilinear_rows, s->layers, &bilinear_rows[0][0]);
     glUniform4f(p->viewer, (float)cos(latitude), (float)sin(latitude),
                 (float)(sphere_level_at(&s->shape, M_PI) - s->shape.finest),
                 1.0f / (float)s->rings.an_octave);

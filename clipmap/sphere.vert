@@ -18,7 +18,7 @@ uniform sampler2DArray heights; // all levels but the coarsest
 uniform sampler2D whole;        // that one, WHOLE texels on a side
 uniform ivec4 windows[32]; // x, y: slot of the viewer's texel; z: texels of a turn or SIZE
 uniform vec4 grids[32];    // xy: texels per radian; zw: the viewer's fraction of a texel
-uniform ivec2 polar_rows[32]; // the cells at the south and the north pole, counted from the viewer's row
+uniform ivec2 bilinear_rows[32]; // up to and from which cells are bilinear, counted from the viewer's row
 uniform vec4 viewer;       // sine and cosine of the polar angle; level of ring 0; levels a ring
 uniform vec4 pattern;      // cosine and sine of its turn from east; the finest and the coarsest level that is there
 uniform float polar;       // the viewer's polar angle
@@ -64,7 +64,7 @@ float texel(ivec2 slot, int layer)
     return layer == LAST ? texelFetch(whole, slot, 0).x : texelFetch(heights, ivec3(slot, layer), 0).x;
 }
 
-// The surface of a level: its triangles, split along (i, j)-(i+1, j+1) as everywhere, or, at a pole, fans (terrain.h).
+// The surface of a level: its triangles, split along (i, j)-(i+1, j+1) as everywhere, or bilinear cells (terrain.h).
 float height_in(int layer, vec2 angles)
 {
     vec4 grid = grids[layer];
@@ -75,7 +75,7 @@ float height_in(int layer, vec2 angles)
     int y0 = (int(corner.y) + window.y + 2 * size) % size, y1 = y0 + 1 == size ? 0 : y0 + 1;
     float sw = texel(ivec2(x0, y0), layer), ne = texel(ivec2(x1, y1), layer);
 #if FETCH == 0
-    if (!any(equal(ivec2(int(corner.y)), polar_rows[layer]))) {
+    if (int(corner.y) > bilinear_rows[layer].x && int(corner.y) < bilinear_rows[layer].y) {
         float other = f.x >= f.y ? texel(ivec2(x1, y0), layer) : texel(ivec2(x0, y1), layer);
         return f.x >= f.y ? sw + f.x * (other - sw) + f.y * (ne - other) : sw + f.x * (ne - other) + f.y * (other - sw);
     }

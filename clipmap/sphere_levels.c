@@ -9,6 +9,20 @@
 
 enum { MARGIN = 4, SNAP = 4 }; // texels beyond what rings reach; windows begin on multiples of SNAP
 
+// Rows get no narrower cells towards the pole.
+static int64_t first_bilinear(const struct detail *detail, int level)
+{
+    int64_t low = 0, high = (detail->grid.pole << -level) - 1;
+    while (low < high) {
+        int64_t middle = low + (high - low) / 2;
+        if (detail_cell_exponent(detail, level, middle) > 0)
+            high = middle;
+        else
+            low = middle + 1;
+    }
+    return low;
+}
+
 void sphere_shape_init(struct sphere_shape *shape, const struct terrain *terrain, int azimuths,
                        double texture)
 {
@@ -27,6 +41,8 @@ void sphere_shape_init(struct sphere_shape *shape, const struct terrain *terrain
     if (shape->finest < shape->coarsest - SPHERE_MAX_LEVELS + 1)
         shape->finest = shape->coarsest - SPHERE_MAX_LEVELS + 1;
     if (shape->sampled < shape->finest) shape->sampled = shape->finest;
+    for (int level = -1; level >= shape->sampled; level--)
+        shape->bilinear[-level] = first_bilinear(terrain_detail(terrain), level);
     sphere_shape_size(shape);
 }
 
@@ -178,13 +194,14 @@ void sphere_window_uniforms(const struct sphere_shape *shape, int level, const s
                              ldexp(sphere_spacing(shape, level, axis), axis ? 0 : window->decimation));
 }
 
-void sphere_polar_rows(const struct sphere_shape *shape, int level, const double place_m[2], int32_t rows[2])
+void sphere_bilinear_rows(const struct sphere_shape *shape, int level, const double place_m[2],
+                          int32_t rows[2])
 {
     level = sampled_level(shape, level);
-    int64_t pole = level > 0 ? shape->pole >> level : shape->pole << -level;
+    int64_t first = level < 0 ? shape->bilinear[-level] : (shape->pole >> level) - 1;
     double viewer = floor(place_m[1] / sphere_spacing(shape, level, 1) - shape->offset);
-    rows[0] = (int32_t)fmax((double)-pole - viewer, INT32_MIN);
-    rows[1] = (int32_t)fmin((double)(pole - 1) - viewer, INT32_MAX);
+    rows[0] = (int32_t)fmax((double)(-first - 1) - viewer, INT32_MIN);
+    rows[1] = (int32_t)fmin((double)first - viewer, INT32_MAX);
 }
 
 // ---- ranges ----------------------------------------------------------------

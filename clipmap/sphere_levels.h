@@ -11,6 +11,7 @@
 #define CLIPMAP_SPHERE_LEVELS_H
 
 #include "clipmap/clipmap_levels.h"
+#include "common/terrain/detail.h"
 #include "common/terrain/reader.h"
 
 enum { SPHERE_MAX_LEVELS = 32, SPHERE_LONGITUDE_LEVELS = 6 };
@@ -27,6 +28,8 @@ struct sphere_shape {
     double offset;          // sample i stands at (i + offset) spacings: 0, or 1/2 for the middles of cells
     int64_t columns, first; // of level 0
     int64_t pole;
+    // First row north of the equator whose cells are bilinear, of level -k; the same south of it.
+    int64_t bilinear[DETAIL_MAX_FINER + 1];
 };
 
 // texture: 1/8 to 1/4 as published (section 4.2); 1/2 samples the terrain about as densely as rings do.
@@ -69,9 +72,11 @@ void sphere_window_origin(const struct sphere_shape *shape, int level, const str
 void sphere_window_uniforms(const struct sphere_shape *shape, int level, const struct sphere_window *window,
                             const double place_m[2], int32_t slots[4], float grid[4]);
 
-// The rows of cells at the south and the north pole, counted from the viewer's; one farther away than an int
-// can tell comes nearer, where no window reaches.
-void sphere_polar_rows(const struct sphere_shape *shape, int level, const double place_m[2], int32_t rows[2]);
+// The rows of cells, counted from the viewer's, up to the first and from the second of which cells are
+// bilinear: those at the poles, and those several columns wide (terrain.h).  One farther away than an int can
+// tell comes nearer, where no window reaches.
+void sphere_bilinear_rows(const struct sphere_shape *shape, int level, const double place_m[2],
+                          int32_t rows[2]);
 
 struct sphere_store { // one level in memory
     struct sphere_window held;

@@ -602,8 +602,9 @@ struct cell {
     double axis_m;               // at most its distance from the planet's axis; 0: it ends at a pole
 };
 
-// What a cell is made of: two triangles, or at a pole one fan (terrain.h).
-enum { NORTH_WEST, SOUTH_EAST, FAN, DIAGONAL };
+// What a cell is made of: two triangles, or, at a pole and where it is several columns wide, one bilinear
+// facet (terrain.h).
+enum { NORTH_WEST, SOUTH_EAST, BILINEAR, DIAGONAL };
 
 static void fractions(const struct cell *cell, const struct at *at, double uv[2])
 {
@@ -611,11 +612,13 @@ static void fractions(const struct cell *cell, const struct at *at, double uv[2]
     uv[1] = clamp((at->place[1] - cell->south) / cell->size[1], 0, 1);
 }
 
-// How the height of a part changes over the cell's width and height, quanta; of a fan, at a place in it.
+// How the height of a part changes over the cell's width and height, quanta; of a bilinear facet, at a place
+// in it.
 static void rises(const struct cell *cell, int part, const double uv[2], double rise[2])
 {
     const double(*z)[2] = cell->corner;
-    double u = part == FAN ? uv[0] : part == SOUTH_EAST, v = part == FAN ? uv[1] : part != SOUTH_EAST;
+    double u = part == BILINEAR ? uv[0] : part == SOUTH_EAST,
+           v = part == BILINEAR ? uv[1] : part != SOUTH_EAST;
     rise[0] = (1 - v) * (z[0][1] - z[0][0]) + v * (z[1][1] - z[1][0]);
     rise[1] = (1 - u) * (z[1][0] - z[0][0]) + u * (z[1][1] - z[0][1]);
 }
@@ -626,7 +629,7 @@ static double clearance(const struct cell *cell, int part, const struct at *at)
     double uv[2], rise[2], height_q;
     fractions(cell, at, uv);
     rises(cell, part, uv, rise);
-    if (part == FAN)
+    if (part == BILINEAR)
         height_q = cell->corner[0][0] + uv[0] * (cell->corner[0][1] - cell->corner[0][0]) + uv[1] * rise[1];
     else
         height_q = cell->corner[0][0] + uv[0] * rise[0] + uv[1] * rise[1];
@@ -709,15 +712,22 @@ static double dip(const struct ray *ray, const struct at *a, const struct at *b,
     return 0.25 * length_m * length_m * bend;
 }
 
-// Of the clearance over a triangle: its facet's slopes by the bends.
+// Of the clearance over a part: its slopes by the bends, and of a bilinear facet the change of one slope
+// along the other axis.
 static double clearance_bend(const struct truth_sphere *s, const struct cell *cell, int part)
 {
-    double rise[2];
-    if (part == FAN) return HUGE_VAL;
-    rises(cell, part, NULL, rise);
-    double east = fabs(rise[0]) / (cell->size[0] * s->spacing_rad[0]),
-           north = fabs(rise[1]) / (cell->size[1] * s->spacing_rad[1]);
-    return 1 / (s->radius_m * s->quantum_m) + north * latitude_bend(s, cell) + east * longitude_bend(cell);
+    const double(*z)[2] = cell->corner;
+    double size_rad[2] = {cell->size[0] * s->spacing_rad[0], cell->size[1] * s->spacing_rad[1]};
+    double rise[2], twist_m = 0;
+    if (part == BILINEAR) {
+        rise[0] = fmax(fabs(z[0][1] - z[0][0]), fabs(z[1][1] - z[1][0]));
+        rise[1] = fmax(fabs(z[1][0] - z[0][0]), fabs(z[1][1] - z[0][1]));
+        twist_m = 2 * fabs(z[1][1] - z[1][0] - z[0][1] + z[0][0]) /
+                  (size_rad[0] * cell->axis_m * size_rad[1] * s->radius_m);
+    } else
+        rises(cell, part, NULL, rise);
+    return 1 / (s->radius_m * s->quantum_m) + fabs(rise[1]) / size_rad[1] * latitude_bend(s, cell) +
+           fabs(rise[0]) / size_rad[0] * longitude_bend(cell) + twist_m;
 }
 
 // Inside one part the clearance of a straight ray bends one way: it may dip below between two ends above.
@@ -809,7 +819,7 @@ static bool cell_hit(const struct ray *ray, int64_t i, int64_t j, const struct a
     double from_pole = fmin(cell.south, 2 * (double)s->pole - cell.south - cell.size[1]);
     cell.axis_m =
         2 / M_PI * from_pole * s->spacing_rad[1] * (s->radius_m + s->offset_m + s->low * s->quantum_m);
-    if (from_pole <= 0) return part_hit(ray, &cell, FAN, a, b, hit);
+    if (from_pole <= 0 || exponent > 0) return part_hit(ray, &cell, BILINEAR, a, b, hit);
     struct narrowing diagonal = {ray, &cell, DIAGONAL};
     double fa = value_at(&diagonal, a), fb = value_at(&diagonal, b);
     struct at beyond;

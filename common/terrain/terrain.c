@@ -545,6 +545,7 @@ static bool sphere_truth_at(const struct terrain *terrain, double x_m, double y_
     place[1] = fmin(fmax(place[1], -pole), pole);
     int64_t i = (int64_t)floor(place[0]), j = clamp((int64_t)floor(place[1]), -grid.pole, grid.pole - 1);
     double u = place[0] - (double)i, v = place[1] - (double)j, z[2][2]; // [north][east]
+    bool bilinear = j == -grid.pole || j == grid.pole - 1;
     if (info->finest < 0) {
         int e = detail_cell_exponent(&terrain->detail, info->finest, j);
         int64_t post = (i - grid.first) >> e;
@@ -554,6 +555,7 @@ static bool sphere_truth_at(const struct terrain *terrain, double x_m, double y_
         const bool wider[2] = {detail_exponent(&terrain->detail, info->finest, j) > e,
                                detail_exponent(&terrain->detail, info->finest, j + 1) > e};
         detail_corners(post, wider, around, DETAIL_CELL, z);
+        bilinear = bilinear || e > 0;
         spacing[0] = ldexp(spacing[0], e);
         u = ldexp(place[0] - west, -e);
     } else {
@@ -561,11 +563,10 @@ static bool sphere_truth_at(const struct terrain *terrain, double x_m, double y_
         terrain_window(terrain, 0, i, j, 2, 2, corners, TERRAIN_WAIT);
         for (int k = 0; k < 4; k++) z[k / 2][k % 2] = corners[k];
     }
-    bool fan = j == -grid.pole || j == grid.pole - 1;
-    double across = fan ? v : u < v, along = fan ? u : u >= v; // of the edges whose slopes count
+    double across = bilinear ? v : u < v, along = bilinear ? u : u >= v; // of the edges whose slopes count
     double along_x = (1 - across) * (z[0][1] - z[0][0]) + across * (z[1][1] - z[1][0]),
            along_y = (1 - along) * (z[1][0] - z[0][0]) + along * (z[1][1] - z[0][1]);
-    *height_q = z[0][0] + u * (fan ? z[0][1] - z[0][0] : along_x) + v * along_y;
+    *height_q = z[0][0] + u * (bilinear ? z[0][1] - z[0][0] : along_x) + v * along_y;
     if (slope) {
         slope[0] = along_x / spacing[0];
         slope[1] = along_y / spacing[1];

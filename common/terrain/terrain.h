@@ -15,7 +15,8 @@
 // the parallel but for a step at one side, the narrower and steeper the nearer to the pole.  So it is
 // bilinear there: one facet, straight along each meridian, and as steep along the parallel as where it
 // begins.  Towards the poles, synthesised levels have cells several columns wide, so that they are about as
-// wide as high in the world; samples inside them are linear, rounded (detail.h).
+// wide as high in the world (detail.h).  They are bilinear, too: so they are one surface however many of the
+// columns inside them are drawn.
 //
 // The pyramid follows Losasso & Hoppe 2004, sections 5, 7 and 8: T_{l+1} = D(T_l); finer levels are
 // U(T) + noise, with U the 4-point interpolatory scheme in integers, one rounding (numerics.md, section 5).

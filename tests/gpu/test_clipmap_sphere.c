@@ -3,6 +3,8 @@
 #include "bench/error/error.h"
 #include "bench/error/flat.h"
 #include "clipmap/clipmap.h"
+#include "clipmap/sphere.h"
+#include "clipmap/sphere_levels.h"
 #include "common/terrain/sphere.h"
 #include "common/view/path.h"
 #include "tests/gpu/settings.h"
@@ -261,70 +263,105 @@ static void heights_do_not_jump_at_seam_and_poles(void **state)
     terrain_destroy(terrain);
 }
 
-// What of the drawn vertices lies in the cells at a pole, and by how much the worst is off the truth.
-struct fan_check {
+// What of the drawn vertices lies in bilinear cells, and by how much the worst is off the truth.
+struct bilinear_check {
     const struct terrain *terrain;
     const struct view *view;
-    double row_m, worst; // worst: height that it is off, of what is allowed
+    double from_m,
+        reach_m; // latitude from which cells are bilinear; how far the finest level alone is sampled
+    double steepest, worst; // slope; height that a vertex is off, of what is allowed
     int vertices;
 };
 
-static void check_fans(const float *triangles, size_t count, void *user)
+static void check_bilinear(const float *triangles, size_t count, void *user)
 {
-    struct fan_check *check = user;
+    struct bilinear_check *check = user;
     const struct terrain_info *info = terrain_info(check->terrain);
-    // The formula of test_planet(64, 2500, 9) is nowhere steeper than 0.025, and its chords along the two
-    // axes together by sqrt(2) at most.
-    const double STEEPEST = 0.036;
     for (size_t k = 0; k < 3 * count; k++) {
         double relative[3], world_m[3], place[3], q;
         for (int a = 0; a < 3; a++) relative[a] = (double)triangles[3 * k + (size_t)a];
         view_world(check->view, relative, world_m);
         sphere_place_from_world(RADIUS, world_m, place);
         double distance_m = sqrt(dot(relative, relative));
-        if (M_PI / 2 * RADIUS - fabs(place[1]) > check->row_m) continue;
+        if (fabs(place[1]) < check->from_m || hypot(relative[0], relative[1]) > check->reach_m) continue;
         assert_true(terrain_truth_at(check->terrain, place[0], place[1], &q, NULL));
         // A vertex samples within 3e-5 of its distance of its place (D2), and is placed in float32: four
         // roundings of a distance and one of a height of up to 2^12 m.
-        double allowed = distance_m * (3e-5 * STEEPEST + 4 * 0x1p-24) + 0x1p-12;
+        double allowed = distance_m * (3e-5 * check->steepest + 4 * 0x1p-24) + 0x1p-12;
         check->worst = fmax(check->worst, fabs(place[2] - (q * info->quantum_m + info->offset_m)) / allowed);
         check->vertices++;
     }
 }
 
-// The cells at a pole are fans, straight along meridians (terrain.h): split as others are, a vertex would be
-// off by up to a quarter of what the ground climbs from column to column.
-static void polar_cells_are_fans(void **state)
+// Of the finest level: from column to column and from row to row.  From one row to the next towards a pole,
+// the pole's own left out, parallels get shorter by half at most.
+static double steepest_slope(const struct terrain *terrain)
+{
+    const struct terrain_info *info = terrain_info(terrain);
+    struct terrain_level finest = terrain_level(terrain, info->finest);
+    struct terrain_extent e = finest.extent;
+    int width = (int)(e.x1 - e.x0) + 1;
+    int32_t *rows = malloc(2 * (size_t)width * sizeof *rows);
+    double east = 0, north = 0;
+    assert_non_null(rows);
+    for (int64_t j = e.y0; j < e.y1 - 1; j++) {
+        double parallel = cos((double)j * finest.spacing_m[1] / RADIUS);
+        terrain_window(terrain, info->finest, e.x0, j, width, 2, rows, TERRAIN_WAIT);
+        for (int i = 0; i < width - 1; i++) {
+            north = fmax(north, fabs((double)rows[width + i] - rows[i]));
+            if (j > e.y0) east = fmax(east, fabs((double)rows[i + 1] - rows[i]) / parallel);
+        }
+    }
+    free(rows);
+    return info->quantum_m * hypot(2 * east / finest.spacing_m[0], north / finest.spacing_m[1]);
+}
+
+// Cells at a pole are fans, straight along meridians, and towards the poles those of synthesised levels are
+// several columns wide (terrain.h): both are bilinear.  Split as others are, a vertex would be off by up to a
+// quarter of what the ground climbs across.
+static void bilinear_cells_are_drawn_so(void **state)
 {
     struct fixture *f = *state;
-    struct terrain *terrain = test_planet(64, 2500, 9, 0);
-    struct renderer *renderer = create(f, terrain, "n=63 cull=off");
-    struct fan_check check = {.terrain = terrain, .row_m = M_PI / 32 * RADIUS};
-    uint64_t seed = 31;
-    for (int k = 0; k < test_size(8, 400); k++) {
-        double latitude = M_PI / 2 - test_uniform(&seed, 0, 1.5 * M_PI / 32);
-        struct camera camera = {{test_uniform(&seed, -M_PI, M_PI) * RADIUS,
-                                 (k % 2 ? latitude : -latitude) * RADIUS,
-                                 3500 + exp(test_uniform(&seed, log(100), log(1e6)))},
-                                0,
-                                -1,
-                                0,
-                                1};
-        struct view view;
-        view_init(&view, terrain, &camera, WIDTH, HEIGHT, 0);
-        clipmap_renderer.begin_frame(renderer, k);
-        assert_true(clipmap_renderer.update(renderer, &view, 1));
-        gpu_set_view(f->gpu, terrain, &view);
-        check.view = &view;
-        assert_true(gpu_capture_begin(f->gpu, check_fans, &check));
-        clipmap_renderer.draw(renderer, 0, PASS_POSITION);
-        gpu_capture_end(f->gpu);
+    for (int finer = 0; finer <= 2; finer += 2) {
+        struct terrain *terrain = test_planet(64, 2500, 9, finer);
+        struct renderer *renderer = create(f, terrain, "n=127 cull=off texture=0.5");
+        struct sphere_shape shape;
+        sphere_shape_init(&shape, terrain, sphere_rings_make(127).azimuths, 0.5);
+        double reach = 1; // half a level beyond the finest the next one is blended in
+        while (sphere_level_at(&shape, reach) > shape.sampled + 0.5) reach *= 0.99;
+        struct bilinear_check check = {.terrain = terrain,
+                                       .from_m =
+                                           finer ? 61 * DEGREE * RADIUS : (1 - 1. / 16) * M_PI / 2 * RADIUS,
+                                       .reach_m = sin(reach) * RADIUS,
+                                       .steepest = steepest_slope(terrain)};
+        uint64_t seed = 31;
+        for (int k = 0; k < test_size(8, 400); k++) {
+            double latitude = M_PI / 2 - test_uniform(&seed, 0, (finer ? 6 : 1.5) * M_PI / 32);
+            struct camera camera = {{test_uniform(&seed, -M_PI, M_PI) * RADIUS,
+                                     (k % 2 ? latitude : -latitude) * RADIUS,
+                                     4500 + exp(test_uniform(&seed, log(100), log(1e5)))},
+                                    0,
+                                    -1,
+                                    0,
+                                    1};
+            struct view view;
+            view_init(&view, terrain, &camera, WIDTH, HEIGHT, 0);
+            clipmap_renderer.begin_frame(renderer, k);
+            assert_true(clipmap_renderer.update(renderer, &view, 1));
+            gpu_set_view(f->gpu, terrain, &view);
+            check.view = &view;
+            assert_true(gpu_capture_begin(f->gpu, check_bilinear, &check));
+            clipmap_renderer.draw(renderer, 0, PASS_POSITION);
+            gpu_capture_end(f->gpu);
+        }
+        FIGURE(
+            "bilinear cells, %d finer levels: %d vertices are off the truth by at most %.2f of what float32 "
+            "allows",
+            finer, check.vertices, check.worst);
+        assert_true(check.vertices > 1000 && check.worst <= 1);
+        clipmap_renderer.destroy(renderer);
+        terrain_destroy(terrain);
     }
-    FIGURE("polar cells: %d vertices are off the truth's fans by at most %.2f of what float32 allows",
-           check.vertices, check.worst);
-    assert_true(check.vertices > 1000 && check.worst <= 1);
-    clipmap_renderer.destroy(renderer);
-    terrain_destroy(terrain);
 }
 
 // Culling leaves the picture as it is, and at 90 degrees at most 0.3 of the vertices.
@@ -621,7 +658,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_turn_more_is_the_same_picture),
         cmocka_unit_test(heights_do_not_jump_at_seam_and_poles),
-        cmocka_unit_test(polar_cells_are_fans),
+        cmocka_unit_test(bilinear_cells_are_drawn_so),
         cmocka_unit_test(culling_is_right_and_pays),
         cmocka_unit_test(kept_vertices_draw_the_same),
         cmocka_unit_test(colours_are_those_of_the_place),
