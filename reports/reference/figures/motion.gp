@@ -8,9 +8,9 @@ set grid lc rgb '#e6e6e6' lw 1 lt 1
 set key at screen 0.5,0.9750 center top horizontal maxrows 1 Left reverse samplen 2 tc rgb '#222222'
 set margins screen 0.09643, screen 0.97321, screen 0.18000, screen 0.88000
 set xrange [1:31]
-set yrange [0.37552871:5.80720273]
+set yrange [0.36956281:7.7061351]
 set logscale y
-set ytics ('0.5' 0.5, '0.7' 0.70000000000000007, '1' 1, '2' 2, '3' 3, '5' 5)
+set ytics ('0.5' 0.5, '0.7' 0.70000000000000007, '1' 1, '2' 2, '3' 3, '5' 5, '7' 7)
 set format x '%g'
 set xlabel 'frame of the path' offset 0,0.3
 set ylabel 'moved, p99.9 (px)'

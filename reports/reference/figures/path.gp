@@ -9,7 +9,7 @@ set key at screen 0.5,0.9839 center top horizontal maxrows 1 Left reverse sample
 set multiplot
 set margins screen 0.09643, screen 0.97321, screen 0.50806, screen 0.92258
 set xrange [0:31]
-set yrange [0:30.2582909]
+set yrange [0:24.3619456]
 set format x ''
 set ylabel 'frame time (ms)'
 plot 'path.dat' index 0 using 1:2 with linespoints lw 2 pt 7 ps 0.45 lc rgb '#0072B2' title 'clipmap n=127', \
