@@ -73,14 +73,16 @@ float height_in(int layer, vec2 angles)
     int x0 = (int(corner.x) + window.x + 2 * window.z) % window.z, x1 = x0 + 1 == window.z ? 0 : x0 + 1;
     int size = layer == LAST ? WHOLE : SIZE;
     int y0 = (int(corner.y) + window.y + 2 * size) % size, y1 = y0 + 1 == size ? 0 : y0 + 1;
-    float sw = texel(ivec2(x0, y0), layer), ne = texel(ivec2(x1, y1), layer);
+    float sw = texel(ivec2(x0, y0), layer), se = texel(ivec2(x1, y0), layer), nw = texel(ivec2(x0, y1), layer),
+          ne = texel(ivec2(x1, y1), layer);
 #if FETCH == 0
-    if (int(corner.y) > bilinear_rows[layer].x && int(corner.y) < bilinear_rows[layer].y) {
-        float other = f.x >= f.y ? texel(ivec2(x1, y0), layer) : texel(ivec2(x0, y1), layer);
-        return f.x >= f.y ? sw + f.x * (other - sw) + f.y * (ne - other) : sw + f.x * (ne - other) + f.y * (other - sw);
-    }
+    bool bilinear = int(corner.y) <= bilinear_rows[layer].x || int(corner.y) >= bilinear_rows[layer].y;
+#else
+    const bool bilinear = true;
 #endif
-    return mix(mix(sw, texel(ivec2(x1, y0), layer), f.x), mix(texel(ivec2(x0, y1), layer), ne, f.x), f.y);
+    // What ne weighs tells the rest; split along the diagonal, a side's other corner weighs nothing.
+    float w = bilinear ? f.x * f.y : min(f.x, f.y);
+    return sw + (f.x - w) * (se - sw) + (f.y - w) * (nw - sw) + w * (ne - sw);
 }
 
 float height_at(float ring_number, vec2 angles)
