@@ -43,6 +43,13 @@ static double length_of(const double v[3])
     return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
 }
 
+static double distance_between(const struct corner *a, const struct corner *b)
+{
+    double chord[3];
+    for (int axis = 0; axis < 3; axis++) chord[axis] = b->relative[axis] - a->relative[axis];
+    return length_of(chord);
+}
+
 static bool is_pole(const struct making *m, const struct corner *corner)
 {
     return corner->place[1] == 0 || corner->place[1] == (double)m->size[1];
@@ -158,15 +165,13 @@ static double middle_height(const struct making *m, const struct corner *a, cons
 static bool is_split(const struct making *m, const struct corner *a, const struct corner *b,
                      struct corner *middle)
 {
-    double chord[3];
     for (int axis = 0; axis < 2; axis++) middle->place[axis] = 0.5 * (a->place[axis] + b->place[axis]);
     if (is_pole(m, a)) middle->place[0] = b->place[0]; // meridians lead there
     if (is_pole(m, b)) middle->place[0] = a->place[0];
     middle->height_m = middle_height(m, a, b, middle);
     set_relative(m, middle);
-    for (int axis = 0; axis < 3; axis++) chord[axis] = b->relative[axis] - a->relative[axis];
     double sag = is_inside_bilinear(m, a, b) ? bilinear_gap(m, a, b, middle) : sag_of(m, a, b, middle);
-    return sag > sag_allowed(m, length_of(middle->relative) - length_of(chord));
+    return sag > sag_allowed(m, length_of(middle->relative) - distance_between(a, b));
 }
 
 static bool reserve(struct making *m, size_t more)
@@ -194,13 +199,6 @@ static void add_triangle(struct making *m, const struct corner *a, const struct 
     float(*to)[3] = m->facets->corners + 3 * m->facets->triangles++;
     for (int k = 0; k < 3; k++)
         for (int axis = 0; axis < 3; axis++) to[k][axis] = (float)all[k]->relative[axis];
-}
-
-static double distance_between(const struct corner *a, const struct corner *b)
-{
-    double chord[3];
-    for (int axis = 0; axis < 3; axis++) chord[axis] = b->relative[axis] - a->relative[axis];
-    return length_of(chord);
 }
 
 static void add_facet(struct making *m, const struct corner *a, const struct corner *b,

@@ -41,7 +41,8 @@ void detail_heights(const struct detail *detail, int level, int exponent, int64_
                     int height, float *out);
 
 // The surface of a synthesised level is that of its posts.  The cells of row j, between rows j and j + 1, are
-// as wide as the posts of the row nearer to the equator are apart, 2^e columns; a corner between two posts of
+// as wide as the posts of the row nearer to the equator are apart, 2^e columns, and bilinear from e = 1 on
+// (terrain.h); a corner between two posts of
 // the other row, which may be `wider` (0: south, 1: north), is their mean.  The corners of cell `post`,
 // [north][east], quanta, from samples 2^e columns apart: DETAIL_CELL a row, from the one before it on.
 enum { DETAIL_CELL = 4 };

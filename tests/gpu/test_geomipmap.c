@@ -456,18 +456,25 @@ static void cache_size_leaves_the_picture_as_it_is(void **state)
     terrain_destroy(terrain);
 }
 
+// From one place: straight down, where few tiles are seen, and ahead, where many are.
+static void narrow_and_wide(const struct terrain *terrain, struct view *narrow, struct view *wide)
+{
+    uint64_t seed = 8;
+    struct view view = random_view(terrain, &seed, 800, 900);
+    const struct camera down = {{view.eye_m[0], view.eye_m[1], view.eye_m[2]}, 0, -1.5, 0, 0.1},
+                        ahead = {{view.eye_m[0], view.eye_m[1], view.eye_m[2]}, 0.7, -0.5, 0, 1.5};
+    view_init(narrow, terrain, &down, WIDTH, HEIGHT, 0);
+    view_init(wide, terrain, &ahead, WIDTH, HEIGHT, 0);
+}
+
 // The buffer grows and shrinks with what a frame uses, and is right all the while.
 static void growing_and_shrinking_keep_the_picture(void **state)
 {
     struct fixture *f = *state;
     struct terrain *terrain = test_fractal(&hills, 7);
     struct renderer *renderer = create(f, terrain, "tau=0.5 merge=0");
-    uint64_t seed = 8;
-    struct view wide = random_view(terrain, &seed, 800, 900), narrow = wide;
-    const struct camera down = {{wide.eye_m[0], wide.eye_m[1], wide.eye_m[2]}, 0, -1.5, 0, 0.1};
-    view_init(&narrow, terrain, &down, WIDTH, HEIGHT, 0);
-    const struct camera ahead = {{wide.eye_m[0], wide.eye_m[1], wide.eye_m[2]}, 0.7, -0.5, 0, 1.5};
-    view_init(&wide, terrain, &ahead, WIDTH, HEIGHT, 0);
+    struct view narrow, wide;
+    narrow_and_wide(terrain, &narrow, &wide);
     update(renderer, &narrow, 1);
     uint64_t expected = draw_hash(f, renderer, terrain, &narrow, 0);
     update(renderer, &wide, 1);
@@ -659,12 +666,8 @@ static void heights_are_widened_when_a_tile_needs_it(void **state)
     tall.quantum_m = 0.001;
     struct terrain *terrain = test_fractal(&tall, 12);
     struct renderer *renderer = create(f, terrain, "tau=0.5 merge=0 patch=9");
-    uint64_t seed = 8;
-    struct view wide = random_view(terrain, &seed, 800, 900), narrow = wide;
-    const struct camera down = {{wide.eye_m[0], wide.eye_m[1], wide.eye_m[2]}, 0, -1.5, 0, 0.1};
-    view_init(&narrow, terrain, &down, WIDTH, HEIGHT, 0);
-    const struct camera ahead = {{wide.eye_m[0], wide.eye_m[1], wide.eye_m[2]}, 0.7, -0.5, 0, 1.5};
-    view_init(&wide, terrain, &ahead, WIDTH, HEIGHT, 0);
+    struct view narrow, wide;
+    narrow_and_wide(terrain, &narrow, &wide);
     update(renderer, &narrow, 1);
     assert_true(counter(renderer, "height_bytes") == 2);
     uint64_t expected = draw_hash(f, renderer, terrain, &narrow, 0);
